@@ -1,0 +1,1 @@
+//! Reflection models at a point: enums over plain structs.

@@ -1,0 +1,1 @@
+//! Pictures in linear light, as named planes.

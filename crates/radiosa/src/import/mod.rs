@@ -1,0 +1,67 @@
+//! From files to a [`Scene`]. Each format is one module; file shapes stay private to it and are converted here.
+//!
+//! A reader never panics, hangs or allocates without bound whatever bytes it is given: sizes are checked against what the
+//! file really holds before anything is reserved, and decoders of other people that are known to panic are contained.
+//! To add a format: one module with a `read` of the same shape, one line in [`load`].
+
+mod error;
+mod gltf;
+mod obj;
+mod picture;
+mod resolve;
+mod scene_file;
+
+pub use error::{ImportError, Location, Warning, Warnings};
+pub use picture::decode as decode_picture;
+pub use resolve::Resolver;
+
+use std::path::{Path, PathBuf};
+
+use crate::scene::Scene;
+
+/// What an import may touch and spend.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Folders outside the scene's own that it may refer to.
+    pub allow_outside: Vec<PathBuf>,
+    /// Upper bound of what decoding may allocate, bytes.
+    pub max_memory: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { allow_outside: Vec::new(), max_memory: 16 << 30 }
+    }
+}
+
+/// The endings [`load`] knows.
+pub const ENDINGS: [&str; 4] = ["toml", "obj", "gltf", "glb"];
+
+/// Reads a scene of any known format; the ending says which.
+///
+/// # Errors
+/// When the file cannot be read, is malformed, or needs something unsupported; what is merely odd comes back as warnings.
+pub fn load(path: &Path, options: &Options) -> Result<(Scene, Vec<Warning>), ImportError> {
+    let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).unwrap_or_default();
+    let read: fn(&[u8], &Resolver, &mut Warnings) -> Result<Scene, ImportError> = match ending.as_str() {
+        "gltf" | "glb" => gltf::read,
+        "obj" => obj::read,
+        "toml" => scene_file::read,
+        _ => {
+            return Err(ImportError::Unsupported {
+                path: path.to_path_buf(),
+                feature: if ending.is_empty() { "a file ending".into() } else { format!("a reader for .{ending} files") },
+                help: format!("scenes end in .{}", ENDINGS.join(", .")),
+            });
+        }
+    };
+    let resolver = Resolver::new(path, options);
+    let bytes = resolver.read_main()?;
+    let mut warnings = Warnings::default();
+    let mut scene = read(&bytes, &resolver, &mut warnings)?;
+    if scene.name.is_empty() {
+        scene.name = path.file_stem().and_then(|s| s.to_str()).unwrap_or("scene").to_owned();
+    }
+    scene.validate().map_err(|e| ImportError::invalid(Location::file(path), e.to_string()))?;
+    Ok((scene, warnings.into_vec()))
+}

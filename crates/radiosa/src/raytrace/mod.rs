@@ -1,0 +1,1 @@
+//! Methods that trace rays from the eye.

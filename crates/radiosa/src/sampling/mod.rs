@@ -1,0 +1,1 @@
+//! Random and low-discrepancy numbers, and maps from the square.

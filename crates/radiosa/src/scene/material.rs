@@ -1,0 +1,339 @@
+//! Materials, as the scene stores them: coefficients and textures. `bsdf` turns them into functions at a point.
+
+use super::TextureRef;
+use crate::spectrum::Spectrum;
+
+/// An RGB coefficient, optionally multiplied by a texture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColorMap {
+    /// Linear.
+    pub factor: Spectrum,
+    /// Multiplies `factor`.
+    pub texture: Option<TextureRef>,
+}
+
+/// A scalar coefficient, optionally multiplied by one channel of a texture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScalarMap {
+    /// Linear.
+    pub factor: f32,
+    /// Multiplies `factor`.
+    pub texture: Option<TextureRef>,
+    /// 0 red … 3 alpha.
+    pub channel: u8,
+}
+
+impl ColorMap {
+    /// Without a texture.
+    pub const fn constant(factor: Spectrum) -> Self {
+        Self { factor, texture: None }
+    }
+}
+
+impl ScalarMap {
+    /// Without a texture.
+    pub const fn constant(factor: f32) -> Self {
+        Self { factor, texture: None, channel: 0 }
+    }
+}
+
+/// What a surface is made of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// Name in the source.
+    pub name: String,
+    /// How it reflects and transmits.
+    pub model: Model,
+    /// Emitted radiance `L_e`, W/(m² sr) or cd/m²; leaves the front, or both sides when `two_sided`.
+    pub emission: ColorMap,
+    /// Emission leaves both sides (glTF `doubleSided`).
+    pub two_sided: bool,
+    /// Coverage.
+    pub alpha: Alpha,
+    /// Perturbs the shading normal.
+    pub normal_map: Option<NormalMap>,
+    /// Shows its base colour as it is, whatever the light (`KHR_materials_unlit`).
+    pub unlit: bool,
+}
+
+/// Coverage: how much of the surface is there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Alpha {
+    /// How `value` is used.
+    pub mode: AlphaMode,
+    /// Opacity in `[0, 1]`; multiplied by the vertex colour's alpha.
+    pub value: ScalarMap,
+}
+
+/// What opacity means.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AlphaMode {
+    /// Ignored: the surface is whole.
+    Opaque,
+    /// There where opacity ≥ the cutoff, absent elsewhere.
+    Mask {
+        /// glTF `alphaCutoff`.
+        cutoff: f32,
+    },
+    /// Covers that fraction of what lies behind.
+    Blend,
+}
+
+/// A tangent-space normal map: texel `2c − 1`, x and y scaled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NormalMap {
+    /// Its picture.
+    pub texture: TextureRef,
+    /// Scales x and y.
+    pub scale: f32,
+    /// The texture holds heights, not normals (MTL `bump`): the normal follows from its gradient times `scale`.
+    pub is_height: bool,
+}
+
+/// The families of reflection models.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Model {
+    /// Ambient, diffuse and a classic highlight; mirror and glass by constants: the model of Whitted's paper and of MTL.
+    Phong(Phong),
+    /// Diffuse and a Cook–Torrance highlight.
+    CookTorrance(CookTorrance),
+    /// glTF's metallic–roughness.
+    MetallicRoughness(MetallicRoughness),
+}
+
+/// `I_a k_a + Σ I f (k_d (n·l) + k_s lobe) + k_r I_r + k_t I_t`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Phong {
+    /// `k_a`; `None`: the same as `diffuse`.
+    pub ambient: Option<ColorMap>,
+    /// `k_d`.
+    pub diffuse: ColorMap,
+    /// `k_s`.
+    pub specular: ColorMap,
+    /// `n`, the exponent; above zero.
+    pub exponent: ScalarMap,
+    /// By reflection vector or halfway vector.
+    pub lobe: PhongLobe,
+    /// `k_r`, perfect mirror reflection.
+    pub mirror: Spectrum,
+    /// `k_t`, perfect refraction.
+    pub transmission: Spectrum,
+    /// Index of refraction inside.
+    pub ior: f32,
+    /// Weighs `k_r` and `k_t` by Fresnel instead of using them as constants.
+    pub fresnel: bool,
+    /// Absorption inside (Beer), 1/m.
+    pub absorption: Spectrum,
+    /// Refraction does not bend (a sheet of glass).
+    pub thin: bool,
+    /// Nested dielectrics: the higher priority wins where two overlap.
+    pub priority: i32,
+}
+
+/// Which vector the classic highlight measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PhongLobe {
+    /// `(r·v)^n`, Phong 1975.
+    Phong,
+    /// `(n·h)^n`, Blinn 1977.
+    BlinnPhong,
+}
+
+/// Diffuse plus `k_s D G F / (4 n·l n·v)` or a historical form of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CookTorrance {
+    /// `k_a`; `None`: the same as `diffuse`.
+    pub ambient: Option<ColorMap>,
+    /// `k_d`.
+    pub diffuse: ColorMap,
+    /// `k_s`.
+    pub specular: ColorMap,
+    /// Roughness α (Beckmann's m), above zero; not squared again.
+    pub alpha: ScalarMap,
+    /// `D`.
+    pub distribution: Distribution,
+    /// `G`.
+    pub shadowing: Shadowing,
+    /// `F`.
+    pub fresnel: Fresnel,
+    /// Normalisation.
+    pub form: Form,
+}
+
+/// Distribution of microfacet normals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Distribution {
+    /// Beckmann–Spizzichino, as in Cook and Torrance's paper.
+    Beckmann,
+    /// Trowbridge–Reitz.
+    Ggx,
+}
+
+/// Shadowing and masking.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shadowing {
+    /// Torrance–Sparrow's V-cavities: `min(1, 2(n·h)(n·v)/(v·h), 2(n·h)(n·l)/(v·h))`.
+    VCavity,
+    /// Smith, separable: `G1(l) G1(v)`.
+    Smith,
+    /// Smith, height-correlated: `1/(1 + Λ(l) + Λ(v))`.
+    SmithCorrelated,
+}
+
+/// Reflectance of one facet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fresnel {
+    /// `F = 1`.
+    One,
+    /// Exact, real index (inside over outside).
+    Dielectric {
+        /// Index of refraction.
+        ior: f32,
+    },
+    /// Exact, complex index per channel.
+    Conductor {
+        /// Real part.
+        n: Spectrum,
+        /// Imaginary part.
+        k: Spectrum,
+    },
+    /// Schlick's approximation from the reflectance at normal incidence.
+    Schlick {
+        /// `F₀`.
+        f0: Spectrum,
+    },
+}
+
+/// Metals with tabulated complex indices (`bsdf::conductor` has the numbers and their sources).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Metal {
+    /// Au.
+    Gold,
+    /// Cu.
+    Copper,
+    /// Al.
+    Aluminium,
+    /// Ag.
+    Silver,
+}
+
+/// The three normalisations of Cook–Torrance in use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// `k_s D G F / (4 n·l n·v)`.
+    Modern,
+    /// `k_s D₀ G F / (π n·l n·v)`, `D₀ = π D` unnormalised: four times the modern form.
+    Paper1982,
+    /// The 1982 form times `n·l`, as often taught; not reciprocal.
+    Lecture,
+}
+
+/// glTF's metallic–roughness with the extensions for index, specular and transmission.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MetallicRoughness {
+    /// Base colour.
+    pub base_color: ColorMap,
+    /// 0 dielectric … 1 metal.
+    pub metallic: ScalarMap,
+    /// Perceptual roughness; α is its square.
+    pub roughness: ScalarMap,
+    /// Index of refraction (`KHR_materials_ior`), 1.5 by default.
+    pub ior: f32,
+    /// `KHR_materials_specular` strength.
+    pub specular: ScalarMap,
+    /// `KHR_materials_specular` colour.
+    pub specular_color: ColorMap,
+    /// `KHR_materials_transmission`.
+    pub transmission: ScalarMap,
+    /// Occlusion map and its strength: multiplies ambient light only.
+    pub occlusion: Option<(ScalarMap, f32)>,
+    /// `KHR_materials_volume`: absorption 1/m; zero thickness means thin walled.
+    pub absorption: Spectrum,
+    /// `KHR_materials_volume`: has an inside.
+    pub thick: bool,
+}
+
+impl Default for Phong {
+    /// Matt, reflectance 0.8.
+    fn default() -> Self {
+        Self {
+            ambient: None,
+            diffuse: ColorMap::constant(Spectrum::gray(0.8)),
+            specular: ColorMap::constant(Spectrum::BLACK),
+            exponent: ScalarMap::constant(1.0),
+            lobe: PhongLobe::Phong,
+            mirror: Spectrum::BLACK,
+            transmission: Spectrum::BLACK,
+            ior: 1.5,
+            fresnel: false,
+            absorption: Spectrum::BLACK,
+            thin: false,
+            priority: 0,
+        }
+    }
+}
+
+impl Default for CookTorrance {
+    /// Grey plastic: diffuse 0.5, α = 0.3, index 1.5.
+    fn default() -> Self {
+        Self {
+            ambient: None,
+            diffuse: ColorMap::constant(Spectrum::gray(0.5)),
+            specular: ColorMap::constant(Spectrum::WHITE),
+            alpha: ScalarMap::constant(0.3),
+            distribution: Distribution::Ggx,
+            shadowing: Shadowing::SmithCorrelated,
+            fresnel: Fresnel::Dielectric { ior: 1.5 },
+            form: Form::Modern,
+        }
+    }
+}
+
+impl Default for MetallicRoughness {
+    /// glTF's defaults: white metal, roughness 1.
+    fn default() -> Self {
+        Self {
+            base_color: ColorMap::constant(Spectrum::WHITE),
+            metallic: ScalarMap::constant(1.0),
+            roughness: ScalarMap::constant(1.0),
+            ior: 1.5,
+            specular: ScalarMap::constant(1.0),
+            specular_color: ColorMap::constant(Spectrum::WHITE),
+            transmission: ScalarMap::constant(0.0),
+            occlusion: None,
+            absorption: Spectrum::BLACK,
+            thick: false,
+        }
+    }
+}
+
+impl Default for Material {
+    /// Matt, reflectance 0.8, opaque.
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            model: Model::Phong(Phong::default()),
+            emission: ColorMap::constant(Spectrum::BLACK),
+            two_sided: false,
+            alpha: Alpha { mode: AlphaMode::Opaque, value: ScalarMap::constant(1.0) },
+            normal_map: None,
+            unlit: false,
+        }
+    }
+}
+
+impl Material {
+    /// A Lambertian surface.
+    pub fn lambert(name: impl Into<String>, reflectance: Spectrum) -> Self {
+        Self {
+            name: name.into(),
+            model: Model::Phong(Phong { diffuse: ColorMap::constant(reflectance), ..Phong::default() }),
+            ..Self::default()
+        }
+    }
+
+    /// True when some part of it may emit.
+    pub fn is_emissive(&self) -> bool {
+        self.emission.factor != Spectrum::BLACK
+    }
+}
