@@ -1,0 +1,169 @@
+//! A point on a surface, with what its position is known to.
+//!
+//! The position of a hit is computed from the surface (barycentric weights, or the projected local point of an exact shape), not
+//! from the ray, and comes with a bound of its rounding error. Rays that leave it start outside that bound, so nothing hits
+//! its own surface and no constant epsilon is needed. Source: [Pharr23], chapter 6.8.
+
+use super::World;
+use crate::accel::{Hit, Shape};
+use crate::math::{Ray, Vec2, Vec3, Vec4};
+use crate::scene::{Geometry, InstanceId, MaterialId, Mesh};
+
+/// Bound of the relative error of `n` roundings in sequence: `n ε / (1 − n ε)`, ε half the machine epsilon.
+pub(crate) const fn gamma(n: u32) -> f32 {
+    let ne = n as f32 * (f32::EPSILON * 0.5);
+    ne / (1.0 - ne)
+}
+
+/// A point on a surface as seen along a ray.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface {
+    /// Position, world coordinates.
+    pub p: Vec3,
+    /// Absolute bound of the rounding error of `p`.
+    pub p_error: Vec3,
+    /// Unit geometric normal of the front.
+    pub ng: Vec3,
+    /// Unit interpolated normal, on the side of `ng`; the geometric one where the mesh has none.
+    pub n: Vec3,
+    /// Which instance.
+    pub instance: InstanceId,
+    /// Which triangle of its mesh.
+    pub primitive: u32,
+    /// Barycentric weights of the three vertices; zero for exact shapes.
+    pub weights: [f32; 3],
+    /// Local coordinates of a point on an exact shape.
+    pub local: Vec3,
+    /// What it is made of.
+    pub material: Option<MaterialId>,
+}
+
+impl World {
+    /// The surface a ray hit.
+    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
+        let geometry = self.accel().geometry();
+        let placed = &geometry.placed[hit.instance as usize];
+        let instance = InstanceId(hit.instance);
+        let flip = if self.is_mirrored(instance) { -1.0 } else { 1.0 };
+        let material = self.scene().material_of(instance, hit.primitive);
+        match &geometry.shapes[placed.shape as usize] {
+            Shape::Mesh { positions, triangles } => {
+                let tri = triangles[hit.primitive as usize];
+                let v = tri.map(|i| positions[i as usize]);
+                let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+                let (local, local_error) = combine(v, weights);
+                let (mut p, mut p_error) = (local, local_error);
+                let mut ng = (v[1] - v[0]).as_dvec3().cross((v[2] - v[0]).as_dvec3());
+                if let Some(m) = &placed.to_world {
+                    (p, p_error) = transform_point(m, local, local_error);
+                    ng = self.normal_to_world(instance, ng);
+                } else {
+                    ng *= f64::from(flip);
+                }
+                let ng = ng.try_normalize().map_or(-ray.dir.normalize_or_zero(), |n| n.as_vec3());
+                let n = self.interpolated_normal(instance, tri, weights).map_or(ng, |n| if n.dot(ng) < 0.0 { -n } else { n });
+                Surface { p, p_error, ng, n, instance, primitive: hit.primitive, weights, local, material }
+            }
+            shape => {
+                let m = placed.to_world.unwrap_or_default();
+                let (mut local, normal) = if matches!(shape, Shape::Sphere) {
+                    // In f64: far from a small sphere the ray's own arithmetic would leave the surface.
+                    let inverse = self.to_local(instance);
+                    let o = inverse.transform_point3(ray.origin.as_dvec3());
+                    let d = inverse.transform_vector3(ray.dir.as_dvec3());
+                    let local = (o + d * f64::from(hit.t)).try_normalize().unwrap_or(glam::DVec3::Y);
+                    (local.as_vec3(), local)
+                } else {
+                    (Vec3::new(hit.u, 0.0, hit.v), glam::DVec3::Y)
+                };
+                if !local.is_finite() {
+                    local = Vec3::Y;
+                }
+                let (p, p_error) = transform_point(&m, local, local.abs() * gamma(3));
+                let ng = self.normal_to_world(instance, normal).try_normalize().unwrap_or(glam::DVec3::Y).as_vec3();
+                Surface { p, p_error, ng, n: ng, instance, primitive: 0, weights: [0.0; 3], local, material }
+            }
+        }
+    }
+}
+
+/// `Σ w v` and a bound of its error: one rounding in each weight's own computation, one a product, two sums.
+fn combine(v: [Vec3; 3], w: [f32; 3]) -> (Vec3, Vec3) {
+    let p = v[0] * w[0] + v[1] * w[1] + v[2] * w[2];
+    let magnitude = (v[0] * w[0]).abs() + (v[1] * w[1]).abs() + (v[2] * w[2]).abs();
+    (p, magnitude * gamma(7))
+}
+
+/// An affine map of a point with an error, and the error of the result.
+fn transform_point(m: &crate::math::Affine3A, p: Vec3, error: Vec3) -> (Vec3, Vec3) {
+    let abs = glam::Mat3A::from_cols(m.matrix3.x_axis.abs(), m.matrix3.y_axis.abs(), m.matrix3.z_axis.abs());
+    let moved = Vec3::from(m.transform_point3a(p.into()));
+    let magnitude = Vec3::from(abs * p.abs().to_vec3a() + m.translation.abs());
+    let carried = Vec3::from(abs * error.to_vec3a());
+    (moved, magnitude * gamma(4) + carried * (1.0 + gamma(4)))
+}
+
+/// `p` moved off its surface, to the side `towards` points to, just beyond its rounding error.
+pub fn offset_origin(p: Vec3, p_error: Vec3, ng: Vec3, towards: Vec3) -> Vec3 {
+    let distance = ng.abs().dot(p_error);
+    let offset = if ng.dot(towards) < 0.0 { -ng * distance } else { ng * distance };
+    let moved = p + offset;
+    // The sum rounds too: away from the surface in every coordinate.
+    Vec3::from_array(std::array::from_fn(|i| {
+        if offset[i] > 0.0 {
+            moved[i].next_up()
+        } else if offset[i] < 0.0 {
+            moved[i].next_down()
+        } else {
+            moved[i]
+        }
+    }))
+}
+
+impl Surface {
+    /// An endless ray that leaves the surface in the direction `dir`.
+    pub fn ray(&self, dir: Vec3) -> Ray {
+        Ray::new(offset_origin(self.p, self.p_error, self.ng, dir), dir)
+    }
+
+    /// The segment from the surface to a point in space; `t` runs from 0 to 1.
+    pub fn segment_to(&self, target: Vec3) -> Ray {
+        let origin = offset_origin(self.p, self.p_error, self.ng, target - self.p);
+        Ray { origin, dir: target - origin, t_max: 1.0 }
+    }
+
+    /// The front faces along `wo`.
+    pub fn is_front(&self, wo: Vec3) -> bool {
+        self.ng.dot(wo) >= 0.0
+    }
+
+    /// The texture coordinates of one set; zero where there are none.
+    pub fn uv(&self, world: &World, set: u32) -> Vec2 {
+        let scene = world.scene();
+        match scene.instances[self.instance.index()].geometry {
+            Geometry::Mesh(mesh) => {
+                let mesh: &Mesh = &scene.meshes[mesh.index()];
+                let Some(uvs) = mesh.uvs.get(set as usize) else { return Vec2::ZERO };
+                let [a, b, c] = mesh.triangles[self.primitive as usize].map(|i| uvs[i as usize]);
+                a * self.weights[0] + b * self.weights[1] + c * self.weights[2]
+            }
+            Geometry::Sphere => {
+                let turn = 1.0 / std::f32::consts::TAU;
+                let u = crate::math::function::atan2(self.local.z, self.local.x) * turn;
+                let v = crate::math::function::acos(self.local.y.clamp(-1.0, 1.0)) * (2.0 * turn);
+                Vec2::new(if u < 0.0 { u + 1.0 } else { u }, v)
+            }
+            Geometry::Disc => Vec2::new((self.local.x + 1.0) * 0.5, (self.local.z + 1.0) * 0.5),
+        }
+    }
+
+    /// The interpolated vertex colour; white where there is none.
+    pub fn vertex_color(&self, world: &World) -> Vec4 {
+        let scene = world.scene();
+        let Geometry::Mesh(mesh) = scene.instances[self.instance.index()].geometry else { return Vec4::ONE };
+        let mesh = &scene.meshes[mesh.index()];
+        let Some(colors) = &mesh.colors else { return Vec4::ONE };
+        let [a, b, c] = mesh.triangles[self.primitive as usize].map(|i| colors[i as usize]);
+        a * self.weights[0] + b * self.weights[1] + c * self.weights[2]
+    }
+}

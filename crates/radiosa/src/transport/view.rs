@@ -1,0 +1,72 @@
+//! Camera rays.
+
+use crate::math::{DVec3, Ray, Vec3};
+use crate::scene::{Camera, Projection};
+
+/// A camera with a picture of a given size: maps picture coordinates to rays in world coordinates.
+#[derive(Clone, Debug)]
+pub struct View {
+    camera: Camera,
+    eye: DVec3,
+    width: f64,
+    height: f64,
+}
+
+impl View {
+    /// `origin` is the world's ([`super::World::origin`]).
+    pub fn new(camera: &Camera, origin: DVec3, width: u32, height: u32) -> Self {
+        Self { camera: camera.clone(), eye: camera.position - origin, width: f64::from(width), height: f64::from(height) }
+    }
+
+    /// The eye point (centre of projection) in world coordinates.
+    pub fn eye(&self) -> Vec3 {
+        self.eye.as_vec3()
+    }
+
+    /// The direction it looks in.
+    pub fn forward(&self) -> Vec3 {
+        self.camera.forward().as_vec3()
+    }
+
+    /// The ray through the picture point `(x, y)`, in pixels from the top left; pixel centres are at half integers. Unit direction.
+    pub fn ray(&self, x: f64, y: f64) -> Ray {
+        // Picture plane coordinates, +x right and +y up, both in units of half the picture's height.
+        let u = (2.0 * x - self.width) / self.height;
+        let v = 1.0 - 2.0 * y / self.height;
+        let basis = &self.camera.basis;
+        let (origin, dir) = match self.camera.projection {
+            Projection::Perspective { fov_y } => {
+                let s = libm::tan(fov_y * 0.5);
+                (self.eye, basis.x_axis * (u * s) + basis.y_axis * (v * s) - basis.z_axis)
+            }
+            Projection::Orthographic { height } => {
+                let s = height * 0.5;
+                (self.eye + basis.x_axis * (u * s) + basis.y_axis * (v * s), -basis.z_axis)
+            }
+            Projection::Panoramic => {
+                let phi = (x / self.width - 0.5) * std::f64::consts::TAU;
+                let theta = y / self.height * std::f64::consts::PI;
+                let (sin_theta, cos_theta) = libm::sincos(theta);
+                let (sin_phi, cos_phi) = libm::sincos(phi);
+                (self.eye, basis.x_axis * (sin_theta * sin_phi) + basis.y_axis * cos_theta - basis.z_axis * (sin_theta * cos_phi))
+            }
+        };
+        Ray::new(origin.as_vec3(), dir.normalize().as_vec3())
+    }
+
+    /// As Radiance writes views: type, eye point, direction, up and angles, in scene coordinates.
+    pub fn radiance_view(&self) -> String {
+        let c = &self.camera;
+        let (p, d, u) = (c.position, c.forward(), c.basis.y_axis);
+        let degrees = 180.0 / std::f64::consts::PI;
+        let (kind, h, v) = match c.projection {
+            Projection::Perspective { fov_y } => {
+                let half = libm::tan(fov_y * 0.5) * self.width / self.height;
+                ("vtv", 2.0 * libm::atan(half) * degrees, fov_y * degrees)
+            }
+            Projection::Orthographic { height } => ("vtl", height * self.width / self.height, height),
+            Projection::Panoramic => ("vtq", 360.0, 180.0),
+        };
+        format!("-{kind} -vp {} {} {} -vd {} {} {} -vu {} {} {} -vh {h} -vv {v}", p.x, p.y, p.z, d.x, d.y, d.z, u.x, u.y, u.z)
+    }
+}

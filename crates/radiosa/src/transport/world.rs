@@ -1,0 +1,172 @@
+//! The scene made ready for light: recentred, in f32, with ray queries over it.
+
+use std::collections::HashMap;
+
+use super::Surface;
+use crate::accel::{self, Accel, Placed, Shape};
+use crate::math::{Affine3A, CpuPath, DAffine3, DVec3, Vec3};
+use crate::scene::{Geometry, InstanceId, MaterialId, Scene, SceneError};
+
+/// Meshes placed more than once are copied into world coordinates while the scene stays below this many triangles: one
+/// tree is faster than a tree of trees, and 8 M triangles cost about 1 GB.
+const FLATTEN_LIMIT: u64 = 8_000_000;
+
+/// A scene prepared for light transport: immutable, shared by every thread and every method.
+///
+/// World coordinates are scene coordinates minus [`World::origin`], rounded to f32 once.
+#[derive(Debug)]
+pub struct World {
+    scene: Scene,
+    origin: DVec3,
+    accel: Accel,
+    instances: Vec<InstanceInfo>,
+    cpu_path: CpuPath,
+    default_material: crate::scene::Material,
+}
+
+#[derive(Debug)]
+struct InstanceInfo {
+    mirrored: bool,
+    to_local: DAffine3,
+    normal: glam::DMat3,
+}
+
+impl World {
+    /// Recentres the scene and builds the ray queries.
+    ///
+    /// # Errors
+    /// When the scene is not valid ([`Scene::validate`]).
+    pub fn prepare(scene: Scene, cpu_path: CpuPath) -> Result<Self, SceneError> {
+        scene.validate()?;
+        let (lo, hi) = scene.bounds().unwrap_or_default();
+        let origin = recentre(lo, hi);
+        let mut placements: HashMap<u32, u64> = HashMap::new();
+        for instance in &scene.instances {
+            if let Geometry::Mesh(mesh) = instance.geometry {
+                *placements.entry(mesh.0).or_default() += 1;
+            }
+        }
+        let flatten_all = scene.n_primitives() <= FLATTEN_LIMIT;
+        let mut geometry = accel::Geometry::default();
+        let mut shared: HashMap<u32, u32> = HashMap::new();
+        let mut exact = [None; 2];
+        for instance in &scene.instances {
+            let mut add = |shape: Shape| {
+                geometry.shapes.push(shape);
+                geometry.shapes.len() as u32 - 1
+            };
+            let in_world = |t: &DAffine3| {
+                let moved = DAffine3::from_mat3_translation(t.matrix3, t.translation - origin);
+                Affine3A::from_mat3_translation(moved.matrix3.as_mat3(), moved.translation.as_vec3())
+            };
+            let placed = match instance.geometry {
+                Geometry::Mesh(id) => {
+                    let mesh = &scene.meshes[id.index()];
+                    if flatten_all || placements[&id.0] == 1 {
+                        let to_world = |p: &DVec3| (instance.transform.transform_point3(*p) - origin).as_vec3();
+                        let positions = mesh.positions.iter().map(to_world).collect();
+                        Placed { shape: add(Shape::Mesh { positions, triangles: mesh.triangles.clone() }), to_world: None }
+                    } else {
+                        let shape = *shared.entry(id.0).or_insert_with(|| {
+                            let positions = mesh.positions.iter().map(|p| p.as_vec3()).collect();
+                            add(Shape::Mesh { positions, triangles: mesh.triangles.clone() })
+                        });
+                        Placed { shape, to_world: Some(in_world(&instance.transform)) }
+                    }
+                }
+                Geometry::Sphere => {
+                    let shape = *exact[0].get_or_insert_with(|| add(Shape::Sphere));
+                    Placed { shape, to_world: Some(in_world(&instance.transform)) }
+                }
+                Geometry::Disc => {
+                    let shape = *exact[1].get_or_insert_with(|| add(Shape::Disc));
+                    Placed { shape, to_world: Some(in_world(&instance.transform)) }
+                }
+            };
+            geometry.placed.push(placed);
+        }
+        let instances = scene
+            .instances
+            .iter()
+            .map(|instance| {
+                let t = DAffine3::from_mat3_translation(instance.transform.matrix3, instance.transform.translation - origin);
+                let m = t.matrix3;
+                // The cofactor matrix carries normals without dividing by the determinant, so flat transforms do no harm.
+                let cofactor =
+                    glam::DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
+                let determinant = m.determinant();
+                let mirrored = determinant < 0.0;
+                InstanceInfo {
+                    mirrored,
+                    to_local: if determinant == 0.0 { DAffine3::IDENTITY } else { t.inverse() },
+                    normal: if mirrored { cofactor * -1.0 } else { cofactor },
+                }
+            })
+            .collect();
+        let accel = Accel::build(geometry, cpu_path);
+        Ok(Self { scene, origin, accel, instances, cpu_path, default_material: Default::default() })
+    }
+
+    /// The scene it was made from.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// What was subtracted from scene coordinates.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// The ray queries.
+    pub fn accel(&self) -> &Accel {
+        &self.accel
+    }
+
+    /// The code path of its kernels.
+    pub fn cpu_path(&self) -> CpuPath {
+        self.cpu_path
+    }
+
+    /// The material of a surface.
+    pub fn material(&self, id: Option<MaterialId>) -> &crate::scene::Material {
+        id.map_or(&self.default_material, |id| &self.scene.materials[id.index()])
+    }
+
+    /// The material of a point.
+    pub fn material_at(&self, surface: &Surface) -> &crate::scene::Material {
+        self.material(surface.material)
+    }
+
+    pub(super) fn is_mirrored(&self, id: InstanceId) -> bool {
+        self.instances[id.index()].mirrored
+    }
+
+    pub(super) fn to_local(&self, id: InstanceId) -> &DAffine3 {
+        &self.instances[id.index()].to_local
+    }
+
+    /// A front normal, of any length, from an instance's to world coordinates.
+    pub(super) fn normal_to_world(&self, id: InstanceId, n: DVec3) -> DVec3 {
+        self.instances[id.index()].normal * n
+    }
+
+    /// The vertex normals of a triangle, interpolated; `None` where the mesh has none that is usable.
+    pub(super) fn interpolated_normal(&self, id: InstanceId, tri: [u32; 3], weights: [f32; 3]) -> Option<Vec3> {
+        let Geometry::Mesh(mesh) = self.scene.instances[id.index()].geometry else { return None };
+        let normals = self.scene.meshes[mesh.index()].normals.as_ref()?;
+        let [a, b, c] = tri.map(|i| normals[i as usize]);
+        let n = a * weights[0] + b * weights[1] + c * weights[2];
+        self.normal_to_world(id, n.as_dvec3()).try_normalize().map(|n| n.as_vec3()).filter(|n| n.is_finite())
+    }
+}
+
+/// The middle of the scene, rounded so that subtracting it is exact for most coordinates; zero when the scene is around the origin already.
+fn recentre(lo: DVec3, hi: DVec3) -> DVec3 {
+    let (centre, size) = ((lo + hi) * 0.5, (hi - lo).max_element());
+    if !centre.is_finite() || !(size > 0.0) || centre.abs().max_element() <= size {
+        return DVec3::ZERO;
+    }
+    // To a power of two near a hundredth of the size: coordinates in metres stay short numbers.
+    let grain = libm::exp2(libm::floor(libm::log2(size / 64.0)));
+    (centre / grain).round() * grain
+}
