@@ -204,7 +204,7 @@ pub enum Fresnel {
     },
 }
 
-/// Metals with tabulated complex indices (`bsdf::conductor` has the numbers and their sources).
+/// Metals with tabulated complex indices, see [`Metal::indices`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Metal {
     /// Au.
@@ -215,6 +215,34 @@ pub enum Metal {
     Aluminium,
     /// Ag.
     Silver,
+}
+
+impl Metal {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Gold, Self::Copper, Self::Aluminium, Self::Silver];
+
+    /// The complex index of refraction `n + i k`, as (`n`, `k`): at the tabulated wavelengths nearest 0.65, 0.55 and 0.45 µm for
+    /// red, green and blue.
+    ///
+    /// Gold, copper and silver: P. B. Johnson and R. W. Christy, *Optical constants of the noble metals*, Phys. Rev. B 6, 4370
+    /// (1972). Aluminium: A. D. Rakić, *Algorithm for the determination of intrinsic optical constants of metal films: application
+    /// to aluminum*, Appl. Opt. 34, 4755 (1995).
+    pub const fn indices(self) -> (Spectrum, Spectrum) {
+        match self {
+            Self::Gold => (Spectrum::new(0.14, 0.43, 1.38), Spectrum::new(3.697, 2.455, 1.914)),
+            Self::Copper => (Spectrum::new(0.22, 1.02, 1.24), Spectrum::new(3.747, 2.577, 2.397)),
+            Self::Aluminium => (Spectrum::new(1.5724, 1.0728, 0.6079), Spectrum::new(7.7354, 6.7839, 5.3676)),
+            Self::Silver => (Spectrum::new(0.05, 0.06, 0.04), Spectrum::new(4.483, 3.586, 2.657)),
+        }
+    }
+}
+
+impl Fresnel {
+    /// The exact reflectance of a metal.
+    pub const fn metal(metal: Metal) -> Self {
+        let (n, k) = metal.indices();
+        Self::Conductor { n, k }
+    }
 }
 
 /// The three normalisations of Cook–Torrance in use.
