@@ -1,2 +1,86 @@
-//! x
-fn main() {}
+//! `cargo xtask …`: the chores of the project.
+
+use std::process::{Command, ExitCode};
+
+use anyhow::{Context, Result, bail};
+
+const HELP: &str = "\
+cargo xtask test [FILTER…]   install what tests need, then run every test
+cargo xtask bench rays       ray queries beside Embree (Debian's libembree-dev)
+cargo xtask pictures         render the pictures of the README and the book again
+";
+
+fn main() -> ExitCode {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = args.iter().map(String::as_str).collect();
+    let done = match words.as_slice() {
+        ["test", rest @ ..] => test(rest),
+        ["pictures"] => pictures(),
+        _ => {
+            say(HELP);
+            return ExitCode::from(u8::from(!words.is_empty()) * 2);
+        }
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            warn(&format!("error: {error:#}"));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+#[expect(clippy::print_stdout, reason = "a chore talks to whoever runs it")]
+fn say(text: &str) {
+    println!("{text}");
+}
+
+#[expect(clippy::print_stderr, reason = "a chore talks to whoever runs it")]
+fn warn(text: &str) {
+    eprintln!("{text}");
+}
+
+/// Runs a command to its end; anything but success is an error.
+fn run(command: &mut Command) -> Result<()> {
+    let status = command.status().with_context(|| format!("cannot start {command:?}"))?;
+    if status.success() { Ok(()) } else { bail!("{command:?} ended with {status}") }
+}
+
+fn cargo() -> Command {
+    Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+}
+
+/// All tests, in the one optimised profile.
+fn test(filter: &[&str]) -> Result<()> {
+    install_page_tools();
+    run(cargo().args(["test", "--release", "--workspace"]).args(filter))
+}
+
+/// Pages are tested in Debian's Chromium. No page exists yet that needs it, so failing to install it is no failure.
+fn install_page_tools() {
+    let missing: Vec<&str> = [("chromium", "chromium"), ("node", "nodejs")]
+        .into_iter()
+        .filter(|(program, _)| Command::new(program).arg("--version").output().is_err())
+        .map(|(_, package)| package)
+        .collect();
+    if missing.is_empty() {
+        return;
+    }
+    let quietly = |args: &[&str]| {
+        Command::new("apt-get").args(args).env("DEBIAN_FRONTEND", "noninteractive").output().is_ok_and(|o| o.status.success())
+    };
+    let install = [&["install", "-y", "--no-install-recommends"], missing.as_slice()].concat();
+    if !(quietly(&["update"]) && quietly(&install)) {
+        warn(&format!("note: could not install {} (needed by page tests only; none yet)", missing.join(", ")));
+    }
+}
+
+/// The pictures of the README and the book: each made again by the command beside it.
+fn pictures() -> Result<()> {
+    let pictures: [(&str, &[&str]); 0] = [];
+    for (path, args) in pictures {
+        say(path);
+        run(cargo().args(["run", "--release", "--quiet", "--", "render"]).args(args).args(["--quiet", "--output", path]))?;
+    }
+    Ok(())
+}
