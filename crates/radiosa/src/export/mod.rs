@@ -1,1 +1,9 @@
 //! Writing results to files.
+//!
+//! Every file is written beside its target under a temporary name, flushed to the disk and renamed: a file that exists is
+//! whole. What can be known to fail ([`check_target`]) is asked before the first ray.
+
+pub mod image;
+mod target;
+
+pub use target::{ExportError, write_atomically};
