@@ -55,6 +55,14 @@ impl Resolver {
         self.read_path(&self.find(name)?)
     }
 
+    /// The bytes of a file at a path that [`Resolver::find`] gave.
+    ///
+    /// # Errors
+    /// When it cannot be read or is larger than the memory budget.
+    pub(super) fn read_found(&self, found: &Path) -> Result<Vec<u8>, ImportError> {
+        self.read_path(found)
+    }
+
     /// The path of a file named inside it, checked against what is allowed.
     ///
     /// # Errors
