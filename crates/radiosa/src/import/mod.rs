@@ -9,11 +9,13 @@ mod gltf;
 mod obj;
 mod picture;
 mod resolve;
+pub mod sample;
 mod scene_file;
 
 pub use error::{ImportError, Location, Warning, Warnings};
 pub use picture::decode as decode_picture;
 pub use resolve::Resolver;
+pub use scene_file::schema as scene_file_schema;
 
 use std::path::{Path, PathBuf};
 

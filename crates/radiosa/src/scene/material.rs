@@ -351,6 +351,41 @@ impl Default for Material {
 }
 
 impl Material {
+    /// Calls `f` on every texture it uses.
+    pub fn for_each_texture(&mut self, f: &mut dyn FnMut(&mut super::TextureId)) {
+        let mut color = |map: &mut ColorMap| map.texture.iter_mut().for_each(|t| f(&mut t.texture));
+        color(&mut self.emission);
+        match &mut self.model {
+            Model::Phong(p) => {
+                p.ambient.iter_mut().for_each(&mut color);
+                color(&mut p.diffuse);
+                color(&mut p.specular);
+            }
+            Model::CookTorrance(c) => {
+                c.ambient.iter_mut().for_each(&mut color);
+                color(&mut c.diffuse);
+                color(&mut c.specular);
+            }
+            Model::MetallicRoughness(m) => {
+                color(&mut m.base_color);
+                color(&mut m.specular_color);
+            }
+        }
+        let mut scalar = |map: &mut ScalarMap| map.texture.iter_mut().for_each(|t| f(&mut t.texture));
+        scalar(&mut self.alpha.value);
+        match &mut self.model {
+            Model::Phong(p) => scalar(&mut p.exponent),
+            Model::CookTorrance(c) => scalar(&mut c.alpha),
+            Model::MetallicRoughness(m) => {
+                for map in [&mut m.metallic, &mut m.roughness, &mut m.specular, &mut m.transmission] {
+                    scalar(map);
+                }
+                m.occlusion.iter_mut().for_each(|(map, _)| scalar(map));
+            }
+        }
+        self.normal_map.iter_mut().for_each(|n| f(&mut n.texture.texture));
+    }
+
     /// A Lambertian surface.
     pub fn lambert(name: impl Into<String>, reflectance: Spectrum) -> Self {
         Self {

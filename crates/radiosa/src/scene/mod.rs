@@ -7,7 +7,6 @@ mod camera;
 mod light;
 mod material;
 mod mesh;
-pub mod sample;
 mod texture;
 mod validate;
 

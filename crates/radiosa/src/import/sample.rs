@@ -1,0 +1,59 @@
+//! The built-in scenes: the files in the folder `scenes`, carried inside the library.
+
+use std::path::Path;
+
+use super::{Options, Resolver, Warnings, scene_file};
+use crate::scene::Scene;
+
+/// A scene that needs no file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sample {
+    /// What it is called.
+    pub name: &'static str,
+    /// What it shows, in one line.
+    pub about: &'static str,
+    /// Its scene file.
+    pub toml: &'static str,
+}
+
+macro_rules! samples {
+    ($($name:literal: $about:literal,)*) => {
+        const SAMPLES: &[Sample] = &[$(Sample {
+            name: $name,
+            about: $about,
+            toml: include_str!(concat!("../../../../scenes/", $name, ".toml")),
+        }),*];
+    };
+}
+
+samples! {
+    "cornell-box": "The measured Cornell box: what every method can be checked on.",
+}
+
+/// All of them, the most used one first.
+pub const fn all() -> &'static [Sample] {
+    SAMPLES
+}
+
+/// The one of that name.
+pub fn get(name: &str) -> Option<&'static Sample> {
+    SAMPLES.iter().find(|s| s.name == name)
+}
+
+/// The scene of that name, `None` when there is none.
+///
+/// # Panics
+/// Never: a test reads and checks every built-in scene.
+pub fn load(name: &str) -> Option<Scene> {
+    let sample = get(name)?;
+    let resolver = Resolver::new(Path::new(&format!("{name}.toml")), &Options::default());
+    let mut scene = scene_file::read(sample.toml.as_bytes(), &resolver, &mut Warnings::default())
+        .expect("the built-in scenes are right: a test reads every one");
+    name.clone_into(&mut scene.name);
+    Some(scene)
+}
+
+/// The name that was probably meant, when one is close.
+pub fn nearest(name: &str) -> Option<&'static str> {
+    scene_file::nearest(name, SAMPLES.iter().map(|s| s.name))
+}
