@@ -1,1 +1,3 @@
 //! Reflection models at a point: enums over plain structs.
+
+pub mod texture;

@@ -1,0 +1,186 @@
+//! Looking up textures.
+//!
+//! Texture coordinates have (0, 0) at the upper left corner of the picture and (1, 1) at the lower right one, as in glTF; the
+//! centre of texel (i, j) of a picture of w × h lies at ((i + 1/2)/w, (j + 1/2)/h). Colours are decoded before they are interpolated, so
+//! what lies between two texels is a mixture of light. There are no smaller copies of pictures: what is too fine for the pixels is
+//! averaged by taking more samples of them.
+
+use crate::film::srgb;
+use crate::math::Vec2;
+use crate::scene::{Filter, Image, Pixels, Sampler, Scene, Texture, TextureRef, TextureSource, Wrap};
+
+/// A texture's red, green, blue and alpha at `uv`, the coordinates of the reference's set before its transform. Linear, whatever
+/// the encoding in the file; 8 and 16 bits come out between 0 and 1. Coordinates that are not finite count as 0.
+pub fn sample(scene: &Scene, reference: &TextureRef, uv: Vec2) -> [f32; 4] {
+    let uv = reference.transform.map_or(uv, |transform| transform.apply(uv));
+    let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
+    let texture = &scene.textures[reference.texture.index()];
+    sample_texture(scene, texture, Vec2::new(finite(uv.x), finite(uv.y)))
+}
+
+fn sample_texture(scene: &Scene, texture: &Texture, uv: Vec2) -> [f32; 4] {
+    match &texture.source {
+        TextureSource::Image(id) => sample_image(&scene.images[id.index()], texture.sampler, texture.is_srgb, uv),
+        TextureSource::Checker { even, odd, scale } => {
+            // Remainders of whole numbers in f32 are exact, however large they are.
+            let square = (uv * *scale).floor();
+            let is_odd = (square.x.rem_euclid(2.0) + square.y.rem_euclid(2.0)) == 1.0;
+            let [r, g, b] = if is_odd { odd.to_array() } else { even.to_array() };
+            [r, g, b, 1.0]
+        }
+    }
+}
+
+/// A picture's red, green, blue and alpha at `uv`, which must be finite.
+pub fn sample_image(image: &Image, sampler: Sampler, is_srgb: bool, uv: Vec2) -> [f32; 4] {
+    let (x, y) = (place(uv.x, image.width, sampler.wrap_u), place(uv.y, image.height, sampler.wrap_v));
+    let index = |i: i64, n: u32, wrap: Wrap| wrap_index(i, i64::from(n), wrap);
+    let at = |i: i64, j: i64| {
+        let (i, j) = (index(i, image.width, sampler.wrap_u), index(j, image.height, sampler.wrap_v));
+        texel(image, is_srgb, j * image.width as usize + i)
+    };
+    match sampler.filter {
+        Filter::Nearest => at(x.floor() as i64, y.floor() as i64),
+        Filter::Bilinear => {
+            let (x, y) = (x - 0.5, y - 0.5);
+            let (i, j) = (x.floor(), y.floor());
+            let (s, t) = ((x - i) as f32, (y - j) as f32);
+            let (i, j) = (i as i64, j as i64);
+            let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1));
+            std::array::from_fn(|k| {
+                let (top, bottom) = (a[k] + s * (b[k] - a[k]), c[k] + s * (d[k] - c[k]));
+                top + t * (bottom - top)
+            })
+        }
+    }
+}
+
+/// A coordinate in texels, brought near enough to the picture that whole numbers of them stay small.
+fn place(u: f32, n: u32, wrap: Wrap) -> f64 {
+    let u = f64::from(u);
+    let near = match wrap {
+        Wrap::Repeat => u - u.floor(),
+        Wrap::Mirror => u - 2.0 * (u * 0.5).floor(),
+        Wrap::Clamp => u.clamp(-1.0, 2.0),
+    };
+    near * f64::from(n)
+}
+
+/// The texel that stands at `i`, for pictures of `n` texels.
+fn wrap_index(i: i64, n: i64, wrap: Wrap) -> usize {
+    let i = match wrap {
+        Wrap::Repeat => i.rem_euclid(n),
+        Wrap::Mirror => {
+            let i = i.rem_euclid(2 * n);
+            if i < n { i } else { 2 * n - 1 - i }
+        }
+        Wrap::Clamp => i.clamp(0, n - 1),
+    };
+    i as usize
+}
+
+fn texel(image: &Image, is_srgb: bool, i: usize) -> [f32; 4] {
+    match &image.pixels {
+        Pixels::Rgba8(values) => {
+            let p = &values[4 * i..4 * i + 4];
+            let alpha = f32::from(p[3]) / 255.0;
+            if is_srgb {
+                let table = srgb::byte_table();
+                [table[usize::from(p[0])], table[usize::from(p[1])], table[usize::from(p[2])], alpha]
+            } else {
+                [f32::from(p[0]) / 255.0, f32::from(p[1]) / 255.0, f32::from(p[2]) / 255.0, alpha]
+            }
+        }
+        Pixels::Rgba16(values) => {
+            let p: [f32; 4] = std::array::from_fn(|k| f32::from(values[4 * i + k]) / 65_535.0);
+            if is_srgb { [srgb::decode(p[0]), srgb::decode(p[1]), srgb::decode(p[2]), p[3]] } else { p }
+        }
+        Pixels::Rgba32F(values) => std::array::from_fn(|k| values[4 * i + k]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::DVec2;
+    use crate::scene::{ImageId, TextureId, UvTransform};
+    use crate::spectrum::Spectrum;
+
+    /// Two by one texels: red 0 and 1 (of one), alpha 1 and 0.
+    fn two_texels() -> Image {
+        let pixels = Pixels::Rgba8([0, 188, 255, 255, 255, 188, 0, 0][..].into());
+        Image { name: String::new(), width: 2, height: 1, pixels }
+    }
+
+    fn sampler(wrap: Wrap, filter: Filter) -> Sampler {
+        Sampler { wrap_u: wrap, wrap_v: wrap, filter }
+    }
+
+    fn red(wrap: Wrap, filter: Filter, u: f32) -> f32 {
+        sample_image(&two_texels(), sampler(wrap, filter), false, Vec2::new(u, 0.5))[0]
+    }
+
+    #[test]
+    fn texel_centres_lie_at_half_integers() {
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            for filter in [Filter::Nearest, Filter::Bilinear] {
+                assert_eq!(red(wrap, filter, 0.25), 0.0);
+                assert_eq!(red(wrap, filter, 0.75), 1.0);
+            }
+            assert_eq!(red(wrap, Filter::Bilinear, 0.5), 0.5);
+            assert_eq!(red(wrap, Filter::Bilinear, 0.375), 0.25);
+        }
+    }
+
+    #[test]
+    fn each_wrap_continues_in_its_own_way() {
+        let all = |wrap| [-0.75, -0.25, 1.25, 1.75, 2.25].map(|u| red(wrap, Filter::Nearest, u));
+        assert_eq!(all(Wrap::Repeat), [0.0, 1.0, 0.0, 1.0, 0.0]);
+        assert_eq!(all(Wrap::Mirror), [1.0, 0.0, 1.0, 0.0, 0.0]);
+        assert_eq!(all(Wrap::Clamp), [0.0, 0.0, 1.0, 1.0, 1.0]);
+        // At the seam, repeating mixes both ends and the others do not.
+        assert_eq!([Wrap::Repeat, Wrap::Mirror, Wrap::Clamp].map(|w| red(w, Filter::Bilinear, 0.0)), [0.5, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn colours_are_decoded_before_they_are_mixed_and_alpha_never() {
+        let smooth = sampler(Wrap::Clamp, Filter::Bilinear);
+        let [r, g, b, a] = sample_image(&two_texels(), smooth, true, Vec2::new(0.5, 0.5));
+        assert_eq!((r, b, a), (0.5, 0.5, 0.5));
+        assert!((g - srgb::decode(188.0 / 255.0)).abs() < 1e-6 && (g - 0.5029).abs() < 1e-4);
+        let sixteen = Image { pixels: Pixels::Rgba16([32_768; 8][..].into()), ..two_texels() };
+        let [r, .., a] = sample_image(&sixteen, smooth, true, Vec2::ZERO);
+        assert!((r - 0.214_05).abs() < 1e-4 && (a - 0.5).abs() < 1e-4);
+    }
+
+    #[test]
+    fn no_coordinate_is_too_odd() {
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            for filter in [Filter::Nearest, Filter::Bilinear] {
+                for u in [0.0, -0.0, 1.0, -1e-30, 1e30, -1e30, f32::MAX, f32::MIN, 16_777_217.0] {
+                    assert!((0.0..=1.0).contains(&red(wrap, filter, u)), "{wrap:?} {filter:?} {u}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn references_transform_and_checkers_alternate() {
+        let source = TextureSource::Checker { even: Spectrum::WHITE, odd: Spectrum::BLACK, scale: Vec2::new(2.0, 2.0) };
+        let checker = Texture { source, sampler: Sampler::default(), is_srgb: false };
+        let image = Texture { source: TextureSource::Image(ImageId(0)), ..checker.clone() };
+        let scene = Scene { textures: vec![checker, image], images: vec![two_texels()], ..Scene::default() };
+        let reference = TextureRef::new(TextureId(0));
+        let at = |r: &TextureRef, u, v| sample(&scene, r, Vec2::new(u, v))[0];
+        assert_eq!([at(&reference, 0.1, 0.1), at(&reference, 0.6, 0.1), at(&reference, 0.6, 0.6)], [1.0, 0.0, 1.0]);
+        assert_eq!([at(&reference, -0.1, 0.1), at(&reference, -0.6, 0.1)], [0.0, 1.0]);
+        let moved = TextureRef { transform: Some(UvTransform::new(DVec2::new(0.5, 0.0), 0.0, DVec2::ONE)), ..reference };
+        assert_eq!(at(&moved, 0.1, 0.1), 0.0);
+        for (u, v) in [(f32::NAN, 0.0), (f32::INFINITY, f32::NEG_INFINITY), (f32::MAX, f32::MAX), (-1e38, 3.0)] {
+            for texture in [0, 1] {
+                let r = TextureRef { transform: moved.transform, ..TextureRef::new(TextureId(texture)) };
+                assert!((0.0..=1.0).contains(&at(&r, u, v)));
+            }
+        }
+    }
+}
