@@ -4,7 +4,21 @@
 
 pub mod brute_force;
 
+mod build;
+mod bvh;
+mod dispatch;
+mod lanes;
+mod object;
+mod prepared;
+mod scene;
+mod traverse;
+mod triangle;
+
 use crate::math::{Affine3A, Bounds, CpuPath, Ray, Vec3};
+use bvh::Bvh;
+use dispatch::Kernels;
+use object::Object;
+use traverse::{Always, Ask};
 
 /// What a ray met.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,13 +74,34 @@ pub struct Geometry {
 pub struct Accel {
     geometry: Geometry,
     bounds: Bounds,
+    path: CpuPath,
+    /// Over all meshes in world coordinates, and `objects`.
+    tree: Bvh,
+    /// Shapes under transforms of their own.
+    objects: Vec<Object>,
+    /// A tree for each shape that is a mesh under a transform, in its own coordinates.
+    shape_trees: Vec<Option<Bvh>>,
+}
+
+/// Runs a query compiled for the path.
+macro_rules! on {
+    ($path:expr, $query:ident($($arg:expr),*)) => {
+        match $path {
+            #[cfg(target_arch = "x86_64")]
+            CpuPath::Avx2 => lanes::Avx2::$query($($arg),*),
+            _ => lanes::Portable::$query($($arg),*),
+        }
+    };
 }
 
 impl Accel {
-    /// Builds it; deterministic at any thread count.
-    pub fn build(geometry: Geometry, _path: CpuPath) -> Self {
-        let bounds = brute_force::bounds(&geometry);
-        Self { geometry, bounds }
+    /// Builds it; the same at any thread count. `CpuPath::Avx2` on a processor without it is taken as `Portable`.
+    ///
+    /// Indices that lead nowhere, triangles that are degenerate or not finite and shapes under a transform without inverse are never hit.
+    pub fn build(geometry: Geometry, path: CpuPath) -> Self {
+        let path = if CpuPath::detect() == CpuPath::Portable { CpuPath::Portable } else { path };
+        let scene::Trees { tree, objects, shape_trees, bounds } = scene::build(&geometry);
+        Self { geometry, bounds, path, tree, objects, shape_trees }
     }
 
     /// Around everything.
@@ -79,23 +114,23 @@ impl Accel {
         &self.geometry
     }
 
-    /// The nearest hit.
+    /// The nearest hit; of several at the same distance, the one with the lowest instance, then primitive.
     pub fn closest(&self, ray: &Ray) -> Option<Hit> {
-        brute_force::closest(&self.geometry, ray)
+        on!(self.path, closest(self, ray, &mut Always))
     }
 
     /// True when anything lies on the ray.
     pub fn occluded(&self, ray: &Ray) -> bool {
-        self.closest(ray).is_some()
+        on!(self.path, occluded(self, ray, &mut Always))
     }
 
     /// The nearest hit that `accept` agrees to (alpha masks); called in no particular order, possibly for hits behind the nearest.
     pub fn closest_where(&self, ray: &Ray, accept: &mut dyn FnMut(&Hit) -> bool) -> Option<Hit> {
-        brute_force::closest_where(&self.geometry, ray, accept)
+        on!(self.path, closest(self, ray, &mut Ask(accept)))
     }
 
     /// True when a hit that `accept` agrees to lies on the ray.
     pub fn occluded_where(&self, ray: &Ray, accept: &mut dyn FnMut(&Hit) -> bool) -> bool {
-        self.closest_where(ray, accept).is_some()
+        on!(self.path, occluded(self, ray, &mut Ask(accept)))
     }
 }

@@ -1,0 +1,164 @@
+//! Queries of a whole scene, compiled once for each processor.
+
+use std::marker::PhantomData;
+
+use super::bvh::Bvh;
+use super::lanes::{Cpu, Portable};
+use super::object::Kind;
+use super::prepared::Prepared;
+use super::traverse::{self, Accept, Best, Visit};
+use super::{Accel, Hit};
+use crate::math::Ray;
+
+#[cfg(target_arch = "x86_64")]
+use super::lanes::Avx2;
+
+/// Kernels by processor: for each, the generic function it is an instance of.
+macro_rules! kernels {
+    ($($(#[$doc:meta])* fn $name:ident<A: Accept>($($arg:ident: $ty:ty),*) $(-> $ret:ty)? = $generic:ident;)*) => {
+        /// What can be asked of a scene, on a processor.
+        pub(super) trait Kernels: Cpu {
+            $($(#[$doc])* fn $name<A: Accept>($($arg: $ty),*) $(-> $ret)?;)*
+        }
+
+        impl Kernels for Portable {
+            $(fn $name<A: Accept>($($arg: $ty),*) $(-> $ret)? {
+                $generic::<Self, A>($($arg),*)
+            })*
+        }
+
+        #[cfg(target_arch = "x86_64")]
+        impl Kernels for Avx2 {
+            $(fn $name<A: Accept>($($arg: $ty),*) $(-> $ret)? {
+                #[target_feature(enable = "avx2,fma")]
+                fn compiled<A: Accept>($($arg: $ty),*) $(-> $ret)? {
+                    $generic::<Avx2, A>($($arg),*)
+                }
+                #[expect(unsafe_code, reason = "calling code compiled for more than the baseline")]
+                // SAFETY: an `Accel` has the path `Avx2` only after `checked_path` saw that the processor has both features, and
+                // only `Accel`'s methods lead here.
+                unsafe {
+                    compiled::<A>($($arg),*)
+                }
+            })*
+        }
+    };
+}
+kernels! {
+    /// The nearest hit in the scene.
+    fn closest<A: Accept>(accel: &Accel, ray: &Ray, accept: &mut A) -> Option<Hit> = closest_in_scene;
+    /// Whether the ray hits anything in the scene.
+    fn occluded<A: Accept>(accel: &Accel, ray: &Ray, accept: &mut A) -> bool = occluded_in_scene;
+    /// Offers the nearest hit of a shared shape.
+    fn closest_in_shape<A: Accept>(bvh: &Bvh, ray: &Ray, visit: &mut InShape<'_, A>, best: &mut Best) = closest_in_tree;
+    /// Whether the ray hits anything of a shared shape.
+    fn occluded_in_shape<A: Accept>(bvh: &Bvh, ray: &Ray, visit: &mut InShape<'_, A>) -> bool = occluded_in_tree;
+}
+
+#[inline(always)]
+fn closest_in_scene<C: Kernels, A: Accept>(accel: &Accel, ray: &Ray, accept: &mut A) -> Option<Hit> {
+    let prepared = Prepared::new(ray, &accel.tree.bounds)?;
+    let mut best = Best::until(ray.t_max);
+    traverse::closest::<C, _>(&accel.tree, &prepared, &mut InScene::<C, A>::new(accel, ray, accept), &mut best);
+    best.get()
+}
+
+#[inline(always)]
+fn occluded_in_scene<C: Kernels, A: Accept>(accel: &Accel, ray: &Ray, accept: &mut A) -> bool {
+    let Some(prepared) = Prepared::new(ray, &accel.tree.bounds) else { return false };
+    traverse::occluded::<C, _>(&accel.tree, &prepared, &mut InScene::<C, A>::new(accel, ray, accept), ray.t_max)
+}
+
+#[inline(always)]
+fn closest_in_tree<C: Cpu, A: Accept>(bvh: &Bvh, ray: &Ray, visit: &mut InShape<'_, A>, best: &mut Best) {
+    if let Some(prepared) = Prepared::new(ray, &bvh.bounds) {
+        traverse::closest::<C, _>(bvh, &prepared, visit, best);
+    }
+}
+
+#[inline(always)]
+fn occluded_in_tree<C: Cpu, A: Accept>(bvh: &Bvh, ray: &Ray, visit: &mut InShape<'_, A>) -> bool {
+    Prepared::new(ray, &bvh.bounds).is_some_and(|prepared| traverse::occluded::<C, _>(bvh, &prepared, visit, ray.t_max))
+}
+
+/// At the leaves of a scene's tree: triangles in world coordinates, and objects.
+pub(super) struct InScene<'a, C, A> {
+    accel: &'a Accel,
+    ray: &'a Ray,
+    accept: &'a mut A,
+    processor: PhantomData<C>,
+}
+
+impl<'a, C, A> InScene<'a, C, A> {
+    pub(super) fn new(accel: &'a Accel, ray: &'a Ray, accept: &'a mut A) -> Self {
+        Self { accel, ray, accept, processor: PhantomData }
+    }
+}
+
+impl<C: Kernels, A: Accept> Visit for InScene<'_, C, A> {
+    type Accept = A;
+
+    #[inline(always)]
+    fn accept(&mut self) -> &mut A {
+        self.accept
+    }
+
+    #[inline(always)]
+    fn instance(&self) -> u32 {
+        0
+    }
+
+    fn closest(&mut self, object: usize, best: &mut Best) {
+        let object = &self.accel.objects[object];
+        if let Kind::Mesh(shape) = object.kind {
+            if let Some(bvh) = &self.accel.shape_trees[shape as usize] {
+                let ray = object.local_ray(self.ray, best.hit.t);
+                let mut visit = InShape { instance: object.instance, accept: &mut *self.accept };
+                C::closest_in_shape(bvh, &ray, &mut visit, best);
+            }
+        } else {
+            for hit in object.exact_hits(self.ray) {
+                best.offer(hit, self.accept);
+            }
+        }
+    }
+
+    fn occluded(&mut self, object: usize, t_max: f32) -> bool {
+        let object = &self.accel.objects[object];
+        if let Kind::Mesh(shape) = object.kind {
+            let Some(bvh) = &self.accel.shape_trees[shape as usize] else { return false };
+            let ray = object.local_ray(self.ray, t_max);
+            C::occluded_in_shape(bvh, &ray, &mut InShape { instance: object.instance, accept: &mut *self.accept })
+        } else {
+            let mut best = Best::until(t_max);
+            object.exact_hits(self.ray).into_iter().for_each(|hit| best.offer(hit, self.accept));
+            best.get().is_some()
+        }
+    }
+}
+
+/// At the leaves of a shared shape's tree: triangles only.
+pub(super) struct InShape<'a, A> {
+    instance: u32,
+    accept: &'a mut A,
+}
+
+impl<A: Accept> Visit for InShape<'_, A> {
+    type Accept = A;
+
+    #[inline(always)]
+    fn accept(&mut self) -> &mut A {
+        self.accept
+    }
+
+    #[inline(always)]
+    fn instance(&self) -> u32 {
+        self.instance
+    }
+
+    fn closest(&mut self, _object: usize, _best: &mut Best) {}
+
+    fn occluded(&mut self, _object: usize, _t_max: f32) -> bool {
+        false
+    }
+}

@@ -1,0 +1,335 @@
+//! One ray down a tree.
+
+use std::mem::MaybeUninit;
+
+use super::Hit;
+use super::bvh::{Block, Bvh, Child, Node, STACK, WIDTH};
+use super::lanes::{BLOCK, Cpu, Lanes};
+use super::prepared::Prepared;
+use super::triangle::{self, Found};
+use crate::math::{DVec3, Vec3};
+
+/// The nearest hit so far.
+#[derive(Clone, Copy)]
+pub(super) struct Best {
+    /// Valid when `found`; until then `t` is the ray's end.
+    pub hit: Hit,
+    pub found: bool,
+}
+
+impl Best {
+    pub(super) fn until(t_max: f32) -> Self {
+        Self { hit: Hit { t: t_max, instance: u32::MAX, primitive: u32::MAX, u: 0.0, v: 0.0 }, found: false }
+    }
+
+    pub(super) fn get(&self) -> Option<Hit> {
+        self.found.then_some(self.hit)
+    }
+
+    /// Takes a hit if it is nearer; of two at the same distance the one with the lower ids, so that the answer does not depend on the order
+    /// of traversal.
+    #[inline(always)]
+    pub(super) fn offer(&mut self, hit: Hit, accept: &mut impl Accept) {
+        let best = &self.hit;
+        let nearer =
+            hit.t < best.t || (hit.t == best.t && self.found && (hit.instance, hit.primitive) < (best.instance, best.primitive));
+        if nearer && hit.t > 0.0 && accept.accept(&hit) {
+            *self = Self { hit, found: true };
+        }
+    }
+}
+
+/// Whether a hit counts.
+pub(super) trait Accept {
+    fn accept(&mut self, hit: &Hit) -> bool;
+}
+
+/// All do.
+pub(super) struct Always;
+
+impl Accept for Always {
+    #[inline(always)]
+    fn accept(&mut self, _: &Hit) -> bool {
+        true
+    }
+}
+
+/// The caller says.
+pub(super) struct Ask<'a>(pub &'a mut dyn FnMut(&Hit) -> bool);
+
+impl Accept for Ask<'_> {
+    fn accept(&mut self, hit: &Hit) -> bool {
+        (self.0)(hit)
+    }
+}
+
+/// What is done at leaves.
+pub(super) trait Visit {
+    type Accept: Accept;
+    fn accept(&mut self) -> &mut Self::Accept;
+    /// Offers an object's hits to `best`.
+    fn closest(&mut self, object: usize, best: &mut Best);
+    /// True when an object is hit before `t_max`.
+    fn occluded(&mut self, object: usize, t_max: f32) -> bool;
+    /// Added to a block's instance ids.
+    fn instance(&self) -> u32;
+}
+
+/// A stack without start-up cost.
+pub(super) struct Stack<T> {
+    slots: [MaybeUninit<T>; STACK],
+    len: usize,
+}
+
+impl<T: Copy> Stack<T> {
+    #[inline(always)]
+    pub(super) fn new() -> Self {
+        Self { slots: [const { MaybeUninit::uninit() }; STACK], len: 0 }
+    }
+
+    /// Panics when full, which the builder rules out (`bvh::MAX_DEPTH`).
+    #[inline(always)]
+    pub(super) fn push(&mut self, x: T) {
+        self.slots[self.len].write(x);
+        self.len += 1;
+    }
+
+    #[inline(always)]
+    pub(super) fn pop(&mut self) -> Option<T> {
+        if self.len == 0 {
+            return None;
+        }
+        self.len -= 1;
+        #[expect(unsafe_code, reason = "clearing 2 kB for every ray costs as much as ten nodes")]
+        // SAFETY: slots below `len` were written: only `push` raises it, after writing the slot.
+        Some(unsafe { self.slots[self.len].assume_init() })
+    }
+
+    /// Puts the last `n` in descending order, by insertion: there are at most eight.
+    #[inline(always)]
+    fn sort_last(&mut self, n: usize)
+    where
+        T: Ord,
+    {
+        let first = self.len - n;
+        for i in first + 1..self.len {
+            #[expect(unsafe_code, reason = "as in pop")]
+            // SAFETY: slots below `len` were written, as in `pop`.
+            let read = |slot: &MaybeUninit<T>| unsafe { slot.assume_init() };
+            let x = read(&self.slots[i]);
+            let mut j = i;
+            while j > first && read(&self.slots[j - 1]) < x {
+                self.slots[j] = self.slots[j - 1];
+                j -= 1;
+            }
+            self.slots[j].write(x);
+        }
+    }
+}
+
+/// A ray's constants in registers.
+pub(super) struct Slabs<L> {
+    inv: [L; 3],
+    near: [L; 3],
+    far: [L; 3],
+    near_row: [usize; 3],
+    far_row: [usize; 3],
+}
+
+impl<L: Lanes<WIDTH>> Slabs<L> {
+    #[inline(always)]
+    pub(super) fn new(ray: &Prepared) -> Self {
+        Self {
+            inv: ray.inv.map(L::splat),
+            near: ray.near.map(L::splat),
+            far: ray.far.map(L::splat),
+            near_row: ray.near_row,
+            far_row: ray.far_row,
+        }
+    }
+
+    /// Children whose boxes the ray may meet before `t_max`, and where.
+    #[inline(always)]
+    pub(super) fn test(&self, node: &Node, t_max: L) -> (u32, L) {
+        let near = |k: usize| L::load(&node.rows[self.near_row[k] & 7]).mul_add(self.inv[k], self.near[k]);
+        let far = |k: usize| L::load(&node.rows[self.far_row[k] & 7]).mul_add(self.inv[k], self.far[k]);
+        let enter = near(0).max(near(1)).max(near(2).max(L::splat(0.0)));
+        let leave = far(0).min(far(1)).min(far(2).min(t_max));
+        (L::bits(enter.le(leave)), enter)
+    }
+}
+
+/// A child to visit: distance in the upper half, so that keys compare by distance.
+#[inline(always)]
+fn key(t: f32, child: Child) -> u64 {
+    u64::from(t.to_bits()) << 32 | u64::from(child.0)
+}
+
+/// Offers the nearest hit of a tree to `best`.
+#[inline(always)]
+pub(super) fn closest<C: Cpu, V: Visit>(bvh: &Bvh, ray: &Prepared, visit: &mut V, best: &mut Best) {
+    let Some(mut node) = bvh.nodes.first() else { return };
+    let slabs = Slabs::<C::Wide>::new(ray);
+    let mut stack = Stack::<u64>::new();
+    let mut t_max = best.hit.t * ray.inv_scale;
+    loop {
+        let (mut mask, enter) = slabs.test(node, C::Wide::splat(t_max));
+        let next = if mask & mask.wrapping_sub(1) == 0 {
+            (mask != 0).then(|| node.child(mask.trailing_zeros()))
+        } else {
+            let enter = enter.store();
+            let mut n = 0;
+            while mask != 0 {
+                let lane = mask.trailing_zeros();
+                mask &= mask - 1;
+                let child = node.child(lane);
+                prefetch::<C>(bvh, child);
+                stack.push(key(enter[lane as usize & 7], child));
+                n += 1;
+            }
+            stack.sort_last(n);
+            stack.pop().map(|k| Child(k as u32))
+        };
+        let mut next = next;
+        // Leaves until there is a node again.
+        loop {
+            let Some(child) = next else {
+                match pop(&mut stack, t_max) {
+                    Some(child) => next = Some(child),
+                    None => return,
+                }
+                continue;
+            };
+            if let Some(index) = child.as_node() {
+                node = &bvh.nodes[index];
+                break;
+            }
+            if let Some(object) = child.as_object() {
+                visit.closest(object, best);
+            } else {
+                for block in &bvh.blocks[child.as_blocks()] {
+                    leaf_closest::<C, V>(block, ray, visit, best, t_max);
+                    t_max = best.hit.t * ray.inv_scale;
+                }
+            }
+            t_max = best.hit.t * ray.inv_scale;
+            next = None;
+        }
+    }
+}
+
+/// The nearest entry of the stack that is not behind `t_max`.
+#[inline(always)]
+fn pop(stack: &mut Stack<u64>, t_max: f32) -> Option<Child> {
+    loop {
+        let k = stack.pop()?;
+        if f32::from_bits((k >> 32) as u32) <= t_max {
+            return Some(Child(k as u32));
+        }
+    }
+}
+
+#[inline(always)]
+pub(super) fn prefetch<C: Cpu>(bvh: &Bvh, child: Child) {
+    if let Some(node) = child.as_node() {
+        if let Some(node) = bvh.nodes.get(node) {
+            C::prefetch(node);
+        }
+    } else if child.as_object().is_none()
+        && let Some(block) = bvh.blocks.get(child.as_blocks().start)
+    {
+        C::prefetch(block);
+    }
+}
+
+#[inline(always)]
+fn leaf_closest<C: Cpu, V: Visit>(block: &Block, ray: &Prepared, visit: &mut V, best: &mut Best, t_max: f32) {
+    if let Some(found) = triangle::test::<C::Narrow>(ray, block, t_max)
+        && found.sure | found.unsure != 0
+    {
+        take(block, ray, visit, best, &found);
+    }
+}
+
+/// Offers the lanes that passed the test.
+#[inline(always)]
+fn take<L: Lanes<BLOCK>, V: Visit>(block: &Block, ray: &Prepared, visit: &mut V, best: &mut Best, found: &Found<L, BLOCK>) {
+    let (t, u, v) = (found.t.store(), found.u.store(), found.v.store());
+    let base = visit.instance();
+    let mut lanes = found.sure | found.unsure;
+    while lanes != 0 {
+        let lane = lanes.trailing_zeros() as usize;
+        lanes &= lanes - 1;
+        let (mut hit_t, mut hit_u, mut hit_v) = (t[lane], u[lane], v[lane]);
+        if found.unsure >> lane & 1 != 0 {
+            match precise(block, lane, ray) {
+                Some(hit) => (hit_t, hit_u, hit_v) = hit,
+                None => continue,
+            }
+        }
+        let instance = block.instance[lane] + base;
+        let hit = Hit { t: hit_t * ray.scale, instance, primitive: block.primitive[lane], u: hit_u, v: hit_v };
+        best.offer(hit, visit.accept());
+    }
+}
+
+/// One lane in f64.
+pub(super) fn precise(block: &Block, lane: usize, ray: &Prepared) -> Option<(f32, f32, f32)> {
+    let (o, d) = ray.exact();
+    let vertex = |i: usize| Vec3::from(block.vertices.map(|axis| axis[i][lane])).as_dvec3() - o;
+    let vertices: [DVec3; 3] = [vertex(0), vertex(1), vertex(2)];
+    triangle::precise(d, vertices)
+}
+
+/// True when anything in a tree is hit before `t_max`, in the caller's parameter.
+#[inline(always)]
+pub(super) fn occluded<C: Cpu, V: Visit>(bvh: &Bvh, ray: &Prepared, visit: &mut V, t_max: f32) -> bool {
+    let Some(mut node) = bvh.nodes.first() else { return false };
+    let slabs = Slabs::<C::Wide>::new(ray);
+    let mut stack = Stack::<Child>::new();
+    let end = C::Wide::splat(t_max * ray.inv_scale);
+    loop {
+        let (mut mask, _) = slabs.test(node, end);
+        let mut next = None;
+        if mask != 0 {
+            next = Some(node.child(mask.trailing_zeros()));
+            mask &= mask - 1;
+            while mask != 0 {
+                let child = node.child(mask.trailing_zeros());
+                prefetch::<C>(bvh, child);
+                stack.push(child);
+                mask &= mask - 1;
+            }
+        }
+        loop {
+            let Some(child) = next.take().or_else(|| stack.pop()) else { return false };
+            if let Some(index) = child.as_node() {
+                node = &bvh.nodes[index];
+                break;
+            }
+            if let Some(object) = child.as_object() {
+                if visit.occluded(object, t_max) {
+                    return true;
+                }
+            } else {
+                for block in &bvh.blocks[child.as_blocks()] {
+                    if leaf_occluded::<C, V>(block, ray, visit, t_max) {
+                        return true;
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+pub(super) fn leaf_occluded<C: Cpu, V: Visit>(block: &Block, ray: &Prepared, visit: &mut V, t_max: f32) -> bool {
+    let Some(found) = triangle::test::<C::Narrow>(ray, block, t_max * ray.inv_scale) else { return false };
+    if found.sure | found.unsure == 0 {
+        return false;
+    }
+    // The end itself is excluded.
+    let mut best = Best::until(t_max);
+    take(block, ray, visit, &mut best, &found);
+    best.found
+}
