@@ -27,7 +27,7 @@ fn error(toml: &str) -> String {
 
 #[test]
 fn every_built_in_scene_is_valid_named_and_described() {
-    for s in sample::all() {
+    for s in sample::list() {
         let scene = sample::load(s.name).expect(s.name);
         scene.validate().expect(s.name);
         assert_eq!(scene.name, s.name);

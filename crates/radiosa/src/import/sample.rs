@@ -31,13 +31,18 @@ samples! {
 }
 
 /// All of them, the most used one first.
-pub const fn all() -> &'static [Sample] {
+pub const fn list() -> &'static [Sample] {
     SAMPLES
 }
 
 /// The one of that name.
 pub fn get(name: &str) -> Option<&'static Sample> {
     SAMPLES.iter().find(|s| s.name == name)
+}
+
+/// The scene file of that name, `None` when there is none.
+pub fn text(name: &str) -> Option<&'static str> {
+    get(name).map(|s| s.toml)
 }
 
 /// The scene of that name, `None` when there is none.
