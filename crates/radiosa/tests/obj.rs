@@ -336,6 +336,13 @@ fn illumination_models_mean_what_the_format_says() {
 }
 
 #[test]
+fn what_exporters_write_for_opaque_is_not_taken_for_air() {
+    let (m, _, warnings) = material("newmtl m\nillum 4\nKd 0.5 0.5 0.5\nTf 1.00 1.00 1.00\nNi 1.00\n", &[]);
+    assert!(matches!(m.model, Model::Phong(p) if p.transmission == Spectrum::BLACK && p.diffuse.factor == Spectrum::gray(0.5)));
+    assert_eq!(warnings, ["clear-as-air"]);
+}
+
+#[test]
 fn opacity_is_coverage_unless_the_material_is_glass() {
     let (m, ..) = material("newmtl m\nd 0.25\n", &[]);
     assert_eq!((m.alpha.mode, m.alpha.value.factor), (AlphaMode::Blend, 0.25));
@@ -668,6 +675,10 @@ fn sizes_an_attacker_chooses_do_not_cost_more_than_they_give() {
     for text in [square_again_and_again, crossing_often, format!("{SQUARE}o x\n{names}"), libraries, more_libraries, materials] {
         scene(text);
     }
+    let many: String = (0..50_000).map(|i| format!("newmtl {i}\nmap_Kd {i}.png\nmap_d a.png\nmap_Bump a.png\n")).collect();
+    let mut big = std::io::Cursor::new(Vec::new());
+    image::RgbaImage::new(2000, 2000).write_to(&mut big, image::ImageFormat::Png).unwrap();
+    try_load("mtllib a.mtl\n", &[("a.mtl", many.as_bytes()), ("a.png", &big.into_inner())]).unwrap();
     assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
 }
 

@@ -19,12 +19,12 @@
 use std::path::Path;
 
 use super::mtl::{Definition, Map};
-use super::picture::{Pictures, survey};
+use super::picture::Pictures;
 use crate::import::Warnings;
 use crate::math::DVec2;
 use crate::scene::{
     Alpha, AlphaMode, ColorMap, Material, MetallicRoughness, Model, NormalMap, Phong, PhongLobe, ScalarMap, TextureRef,
-    TextureSource, UvTransform,
+    UvTransform,
 };
 use crate::spectrum::Spectrum;
 
@@ -66,6 +66,15 @@ impl Converter<'_, '_> {
         let filter = match illum {
             4 | 6 | 7 | 9 => m.transmission.unwrap_or(Spectrum::gray(1.0 - opacity)),
             _ => Spectrum::BLACK,
+        };
+        // Some exporters write "illum 4, Tf 1 1 1, Ni 1" for whatever is opaque; taken at its word it could not be seen at all.
+        let is_air = filter.to_array().iter().all(|c| *c >= 0.999) && m.ior.is_none_or(|ior| (ior - 1.0).abs() < 1e-4);
+        let filter = if is_air && illum != 7 && opacity >= 1.0 && m.transmission.is_some() {
+            let message = format!("material {:?} would be as clear as air (illum {illum}, Tf 1, Ni 1): taken as opaque", m.name);
+            self.warnings.add("clear-as-air", self.path, message);
+            Spectrum::BLACK
+        } else {
+            filter
         };
         let transmission = self.reflectance("Tf", filter);
         let is_glass = !transmission.is_black();
@@ -172,16 +181,12 @@ impl Converter<'_, '_> {
 
     fn scalar(&mut self, factor: f32, map: &Option<Map>) -> ScalarMap {
         let texture = map.as_ref().and_then(|map| self.texture(map, false));
-        let has_alpha = |texture: TextureRef| {
-            let image = match self.pictures.textures[texture.texture.index()].source {
-                TextureSource::Image(image) => &self.pictures.images[image.index()],
-                TextureSource::Checker { .. } => return false,
-            };
-            survey(image).is_some_and(|(_, has_alpha)| has_alpha)
-        };
         // Unless the file says which: a picture with an alpha channel in use carries the value there.
         let chosen = map.as_ref().and_then(|map| map.channel);
-        let channel = chosen.unwrap_or_else(|| if texture.is_some_and(has_alpha) { 3 } else { 0 });
+        let channel = chosen.unwrap_or_else(|| match texture {
+            Some(texture) if self.pictures.survey(texture.texture).has_alpha => 3,
+            _ => 0,
+        });
         ScalarMap { factor, texture, channel }
     }
 
@@ -204,12 +209,8 @@ impl Converter<'_, '_> {
         }
         let map = m.map_bump.as_ref()?;
         let texture = self.texture(map, false)?;
-        let TextureSource::Image(image) = self.pictures.textures[texture.texture.index()].source else {
-            return None;
-        };
-        // Exporters write maps of normals as bump maps, for want of a statement: they are as blue as no map of heights is.
-        let is_normals = survey(&self.pictures.images[image.index()])
-            .is_some_and(|([r, g, b], _)| (r - 0.5).abs() < 0.1 && (g - 0.5).abs() < 0.1 && b > 0.8);
+        // Exporters write maps of normals as bump maps, for want of a statement.
+        let is_normals = self.pictures.survey(texture.texture).looks_like_normals;
         if is_normals {
             let message = format!("the bump map {:?} holds normals, not heights, and is used so", map.file);
             self.warnings.add("bump-map-of-normals", self.path, message);

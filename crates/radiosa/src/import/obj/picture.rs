@@ -12,16 +12,27 @@ pub(super) struct Pictures<'a> {
     resolver: &'a Resolver,
     pub images: Vec<Image>,
     pub textures: Vec<Texture>,
-    /// By the path found; `None`: cannot be used, which has been said.
+    /// By folder and name, and by the path found; `None`: cannot be used, which has been said.
+    known_names: HashMap<(String, String), Option<ImageId>>,
     known: HashMap<PathBuf, Option<ImageId>>,
     known_textures: HashMap<(ImageId, bool, bool), TextureId>,
+    surveys: HashMap<ImageId, Survey>,
     memory: u64,
     missing: Vec<String>,
     outside: Vec<String>,
 }
 
-/// Missing pictures kept for the message about them.
-const MAX_LISTED: usize = 1000;
+/// How many pictures may be missing before no more are looked for: each costs looks at the disk.
+const MAX_MISSING: usize = 1000;
+
+/// What a picture's pixels tell about its use.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Survey {
+    /// As blue as no map of heights or opacities is.
+    pub looks_like_normals: bool,
+    /// Some pixel is not opaque.
+    pub has_alpha: bool,
+}
 
 impl<'a> Pictures<'a> {
     pub(super) fn new(resolver: &'a Resolver) -> Self {
@@ -30,7 +41,9 @@ impl<'a> Pictures<'a> {
             resolver,
             images: Vec::new(),
             textures: Vec::new(),
+            known_names: HashMap::new(),
             known: HashMap::new(),
+            surveys: HashMap::new(),
             known_textures: HashMap::new(),
             memory,
             missing: Vec::new(),
@@ -51,7 +64,8 @@ impl<'a> Pictures<'a> {
                 many => {
                     let first: Vec<_> = many.iter().take(4).map(shown).collect();
                     let more = if many.len() > first.len() { ", …" } else { "" };
-                    format!("{} pictures are {what} ({}{more})", many.len(), first.join(", "))
+                    let least = if many.len() == MAX_MISSING { "at least " } else { "" };
+                    format!("{least}{} pictures are {what} ({}{more})", many.len(), first.join(", "))
                 }
             };
             warnings.add(name, self.resolver.path(), message);
@@ -61,6 +75,19 @@ impl<'a> Pictures<'a> {
     /// The picture of some name, relative to `folder` (that of the MTL file, itself relative to the OBJ file's).
     /// `None` when it cannot be used, with a warning.
     pub(super) fn image(&mut self, name: &str, folder: &str, warnings: &mut Warnings) -> Option<ImageId> {
+        let key = (folder.to_owned(), name.to_owned());
+        if let Some(known) = self.known_names.get(&key) {
+            return *known;
+        }
+        let image = self.load(name, folder, warnings);
+        self.known_names.insert(key, image);
+        image
+    }
+
+    fn load(&mut self, name: &str, folder: &str, warnings: &mut Warnings) -> Option<ImageId> {
+        if self.missing.len() + self.outside.len() >= MAX_MISSING {
+            return None;
+        }
         let main = self.resolver.path();
         let path = match find(self.resolver, name, folder) {
             Ok((path, moved)) => {
@@ -72,9 +99,7 @@ impl<'a> Pictures<'a> {
             }
             Err(reason) => {
                 let list = if matches!(reason, ImportError::Unsupported { .. }) { &mut self.outside } else { &mut self.missing };
-                if !list.iter().any(|known| known == name) && list.len() < MAX_LISTED {
-                    list.push(name.to_owned());
-                }
+                list.push(name.to_owned());
                 return None;
             }
         };
@@ -104,6 +129,14 @@ impl<'a> Pictures<'a> {
         };
         self.memory = self.memory.saturating_sub(u64::from(image.width) * u64::from(image.height) * bytes_per_pixel);
         Ok(image)
+    }
+
+    /// What the picture of a texture looks like.
+    pub(super) fn survey(&mut self, texture: TextureId) -> Survey {
+        match self.textures[texture.index()].source {
+            TextureSource::Image(id) => *self.surveys.entry(id).or_insert_with(|| survey(&self.images[id.index()])),
+            TextureSource::Checker { .. } => Survey::default(),
+        }
     }
 
     /// A picture as a texture.
@@ -139,22 +172,23 @@ pub(super) fn find(resolver: &Resolver, name: &str, folder: &str) -> Result<(Pat
     Err(first)
 }
 
-/// The mean of the first three channels over a sample of a picture's pixels, in `[0, 1]`, and whether any is not opaque.
-/// Only byte pictures are looked at.
-pub(super) fn survey(image: &Image) -> Option<([f32; 3], bool)> {
+/// Looks at the pixels; those of more than 8 bits are not looked at.
+fn survey(image: &Image) -> Survey {
     /// Pixels looked at for the mean: enough to tell a map of normals from one of heights.
     const SAMPLES: usize = 4096;
-    let Pixels::Rgba8(pixels) = &image.pixels else { return None };
+    let Pixels::Rgba8(pixels) = &image.pixels else { return Survey::default() };
     let n = pixels.len() / 4;
-    let step = n.div_ceil(SAMPLES).max(1);
     let mut sum = [0u64; 3];
     let mut count = 0;
-    for pixel in pixels.chunks_exact(4).step_by(step) {
+    for pixel in pixels.chunks_exact(4).step_by(n.div_ceil(SAMPLES).max(1)) {
         for (s, &c) in sum.iter_mut().zip(pixel) {
             *s += u64::from(c);
         }
         count += 1;
     }
-    let has_alpha = pixels.chunks_exact(4).any(|pixel| pixel[3] != 255);
-    (count > 0).then(|| (sum.map(|s| s as f32 / (255 * count) as f32), has_alpha))
+    let [r, g, b] = sum.map(|s| s as f64 / f64::from(255 * count.max(1)));
+    Survey {
+        looks_like_normals: (r - 0.5).abs() < 0.1 && (g - 0.5).abs() < 0.1 && b > 0.8,
+        has_alpha: pixels.chunks_exact(4).any(|pixel| pixel[3] != 255),
+    }
 }
