@@ -1,3 +1,208 @@
-//! Reflection models at a point: enums over plain structs.
+//! Reflection models at a point: what a surface does with light, once its textures have been looked up.
+//!
+//! A [`Bsdf`] is made from a [`scene::Material`](crate::scene::Material) by [`Bsdf::resolve`] and then answers
+//! [`evaluate`](Bsdf::evaluate), in 1/sr, for the two groups of lobes that a light treats apart: `I_d` lights
+//! [`Lobes::diffuse`] and `I_s` lights [`Lobes::specular`]. Perfect mirrors and glass are not functions of two directions;
+//! they come from [`Bsdf::specular_rays`].
+//!
+//! Conventions: `wo` points to the viewer, `wi` to the light, both away from the surface and of unit length; `n` is the
+//! shading normal **on the viewer's side**, so a surface that reflects on both sides is asked with `−n` from behind. Every
+//! lobe is zero where `n·wi ≤ 0`.
+//!
+//! What delta lights show is the light table of `docs/conventions.md`. Two historical lobes are neither reciprocal nor
+//! energy-conserving and stay as their authors wrote them: [`phong`] and the `Lecture` form of [`cook_torrance`];
+//! the 1982 form reflects up to four times the modern one; glTF's layering in [`metallic_roughness`] can exceed albedo one
+//! at grazing angles. `tests/laws.rs` shows each of these exceptions to be one.
 
+pub mod cook_torrance;
+pub mod dielectric;
+pub mod fresnel;
+pub mod lambert;
+pub mod metallic_roughness;
+pub mod microfacet;
+pub mod mirror;
+pub mod phong;
 pub mod texture;
+
+use crate::math::Vec3;
+use crate::scene::{ColorMap, Material, Model, ScalarMap};
+use crate::spectrum::Spectrum;
+
+pub use dielectric::{SpecularRays, Transmission};
+
+/// Reads textures and vertex colours at one point of a surface.
+pub trait Lookup {
+    /// The coefficient here: factor times texture.
+    fn color(&self, map: &ColorMap) -> Spectrum;
+    /// The coefficient here: factor times the chosen channel of the texture.
+    fn scalar(&self, map: &ScalarMap) -> f32;
+    /// Interpolated vertex colour, which multiplies the diffuse or base colour; white where there is none.
+    fn vertex_color(&self) -> Spectrum {
+        Spectrum::WHITE
+    }
+}
+
+/// A [`Lookup`] without textures: every coefficient is its factor.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FactorsOnly;
+
+impl Lookup for FactorsOnly {
+    fn color(&self, map: &ColorMap) -> Spectrum {
+        map.factor
+    }
+    fn scalar(&self, map: &ScalarMap) -> f32 {
+        map.factor
+    }
+}
+
+/// The value of a reflection function, by what lights it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lobes {
+    /// Lit by `I_d`.
+    pub diffuse: Spectrum,
+    /// Lit by `I_s`.
+    pub specular: Spectrum,
+}
+
+impl Lobes {
+    /// Reflects nothing.
+    pub const BLACK: Self = Self { diffuse: Spectrum::BLACK, specular: Spectrum::BLACK };
+
+    /// Both groups together.
+    pub fn sum(self) -> Spectrum {
+        self.diffuse + self.specular
+    }
+
+    fn map(self, f: impl Fn(Spectrum) -> Spectrum) -> Self {
+        Self { diffuse: f(self.diffuse), specular: f(self.specular) }
+    }
+}
+
+/// A reflection function at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bsdf {
+    /// Shows this colour whatever the light (`KHR_materials_unlit`); reflects nothing.
+    Unlit(Spectrum),
+    /// Lambert with a classic highlight, mirror and glass by constants.
+    Phong(phong::Phong),
+    /// Lambert with a Cook–Torrance highlight.
+    CookTorrance(cook_torrance::CookTorrance),
+    /// glTF's metallic–roughness.
+    MetallicRoughness(metallic_roughness::MetallicRoughness),
+}
+
+impl Bsdf {
+    /// The function of `material` at the point that `lookup` reads.
+    pub fn resolve(material: &Material, lookup: &impl Lookup) -> Self {
+        if material.unlit {
+            let color = match &material.model {
+                Model::Phong(m) => &m.diffuse,
+                Model::CookTorrance(m) => &m.diffuse,
+                Model::MetallicRoughness(m) => &m.base_color,
+            };
+            return Self::Unlit(lookup.color(color) * lookup.vertex_color());
+        }
+        match &material.model {
+            Model::Phong(m) => Self::Phong(phong::Phong::resolve(m, lookup)),
+            Model::CookTorrance(m) => Self::CookTorrance(cook_torrance::CookTorrance::resolve(m, lookup)),
+            Model::MetallicRoughness(m) => Self::MetallicRoughness(metallic_roughness::MetallicRoughness::resolve(m, lookup)),
+        }
+    }
+
+    /// A Lambertian surface of reflectance `rho`, which is also its ambient coefficient.
+    pub fn lambert(rho: Spectrum) -> Self {
+        Self::Phong(phong::Phong { ambient: rho, diffuse: rho, ..phong::Phong::default() })
+    }
+
+    /// `f(wo, wi)`, 1/sr. May be infinite at grazing light where the model is (Phong, V-cavities);
+    /// [`evaluate_cos`](Self::evaluate_cos) is what lighting needs and stays finite there.
+    pub fn evaluate(&self, n: Vec3, wo: Vec3, wi: Vec3) -> Lobes {
+        let cos_i = n.dot(wi);
+        if cos_i > 0.0 { self.evaluate_cos(n, wo, wi).map(|f| f / cos_i) } else { Lobes::BLACK }
+    }
+
+    /// `f(wo, wi) (n·wi)⁺`, 1/sr: times the irradiance `E_⊥` a light gives a surface facing it, it is the radiance shown.
+    pub fn evaluate_cos(&self, n: Vec3, wo: Vec3, wi: Vec3) -> Lobes {
+        debug_assert!((wo.length_squared() - 1.0).abs() < 1e-3 && (wi.length_squared() - 1.0).abs() < 1e-3);
+        match self {
+            Self::Unlit(_) => Lobes::BLACK,
+            Self::Phong(m) => m.evaluate_cos(n, wo, wi),
+            Self::CookTorrance(m) => m.evaluate_cos(n, wo, wi),
+            Self::MetallicRoughness(m) => m.evaluate_cos(n, wo, wi),
+        }
+    }
+
+    /// `k_a`: what ambient light is multiplied by.
+    pub fn ambient(&self) -> Spectrum {
+        match self {
+            Self::Unlit(_) => Spectrum::BLACK,
+            Self::Phong(m) => m.ambient,
+            Self::CookTorrance(m) => m.ambient,
+            Self::MetallicRoughness(m) => m.ambient(),
+        }
+    }
+
+    /// `k_d`: the reflectance of the Lambertian part, which radiosity uses and non-directional irradiance is multiplied by
+    /// (`L = k_d E/π`).
+    pub fn diffuse_reflectance(&self) -> Spectrum {
+        match self {
+            Self::Unlit(_) => Spectrum::BLACK,
+            Self::Phong(m) => m.diffuse,
+            Self::CookTorrance(m) => m.diffuse,
+            Self::MetallicRoughness(m) => m.diffuse_reflectance(),
+        }
+    }
+
+    /// The surface's own colour, for the albedo layer: `k_d`, or the base colour of glTF materials (metals included).
+    pub fn albedo(&self) -> Spectrum {
+        match self {
+            Self::Unlit(color) => *color,
+            Self::MetallicRoughness(m) => m.base_color,
+            _ => self.diffuse_reflectance(),
+        }
+    }
+
+    /// The colour an unlit material shows.
+    pub fn unlit(&self) -> Option<Spectrum> {
+        if let Self::Unlit(color) = self { Some(*color) } else { None }
+    }
+
+    /// `k_r`: perfect mirror reflection, before any Fresnel weight ([`Self::specular_rays`] applies it).
+    pub fn mirror(&self) -> Spectrum {
+        match self {
+            Self::Unlit(_) | Self::CookTorrance(_) => Spectrum::BLACK,
+            Self::Phong(m) => m.mirror,
+            Self::MetallicRoughness(m) => m.mirror(),
+        }
+    }
+
+    /// Perfect refraction, when there is some. Ray casting follows no refracted rays: there the transmitted part of the light
+    /// is missing, and the surface covers what lies behind it unless its alpha says otherwise.
+    pub fn transmission(&self) -> Option<Transmission> {
+        match self {
+            Self::Unlit(_) | Self::CookTorrance(_) => None,
+            Self::Phong(m) => m.transmission,
+            Self::MetallicRoughness(m) => m.transmission(),
+        }
+    }
+
+    /// True when delta lights never show on it: a perfect mirror, clear glass, an unlit or a black surface.
+    pub fn is_specular_only(&self) -> bool {
+        match self {
+            Self::Unlit(_) => true,
+            Self::Phong(m) => m.diffuse.is_black() && m.specular.is_black(),
+            Self::CookTorrance(m) => m.diffuse.is_black() && m.specular.is_black(),
+            Self::MetallicRoughness(m) => m.is_smooth() && m.diffuse_reflectance().is_black(),
+        }
+    }
+
+    /// The perfectly reflected and refracted rays leaving a point seen from `wo`, with their weights: the recursion of
+    /// Whitted's model. `n` is on the viewer's side; `entering` tells whether that side is the outside.
+    pub fn specular_rays(&self, n: Vec3, wo: Vec3, entering: bool) -> SpecularRays {
+        match self {
+            Self::Unlit(_) | Self::CookTorrance(_) => SpecularRays::default(),
+            Self::Phong(m) => dielectric::specular_rays(m.mirror, m.fresnel, m.transmission, n, wo, entering),
+            Self::MetallicRoughness(m) => m.specular_rays(n, wo, entering),
+        }
+    }
+}

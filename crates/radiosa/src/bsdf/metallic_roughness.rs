@@ -1,0 +1,149 @@
+//! glTF's metallic–roughness material with `KHR_materials_ior`, `_specular` and `_transmission` [GLTF20].
+//!
+//! A mix of a metal, `F = base + (1 − base)(1 − v·h)⁵`, and a dielectric: a diffuse base under a coat of
+//! `F = F₀ + (1 − F₀)(1 − v·h)⁵`, `F₀ = min(((ior − 1)/(ior + 1))² specular colour, 1)`, that takes `w max(F)` from what reaches the
+//! base, `w` the specular strength. Both highlights are GGX with correlated Smith shadowing and `α = roughness²`.
+//!
+//! The specification's way of layering is reciprocal but reflects more than it receives where a smooth coat meets a bright
+//! base at grazing angles; it is kept, so that materials look as their makers saw them.
+//!
+//! The part `transmission` of the base lets light through instead of reflecting it diffusely. Rough transmission is not modelled
+//! here: it is refracted as if smooth.
+
+use std::f32::consts::FRAC_1_PI;
+
+use super::microfacet::{self, Angles, MIN_ALPHA};
+use super::{Lobes, Lookup, SpecularRays, Transmission, dielectric, fresnel, mirror};
+use crate::math::Vec3;
+use crate::scene::{self, Distribution, Shadowing};
+use crate::spectrum::Spectrum;
+
+/// Coefficients at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MetallicRoughness {
+    /// Base colour.
+    pub base_color: Spectrum,
+    /// 0 dielectric … 1 metal.
+    pub metallic: f32,
+    /// `α = roughness²`, not limited from below: see [`Self::is_smooth`].
+    pub alpha: f32,
+    /// Index of refraction.
+    pub ior: f32,
+    /// Specular strength `w`.
+    pub specular: f32,
+    /// `F₀` of the dielectric.
+    pub f0: Spectrum,
+    /// Part of the base that transmits.
+    pub transmission: f32,
+    /// What is left of ambient light.
+    pub occlusion: f32,
+    /// Absorption inside, 1/m.
+    pub absorption: Spectrum,
+    /// Has an inside; otherwise it is a sheet.
+    pub thick: bool,
+}
+
+impl MetallicRoughness {
+    pub(super) fn resolve(m: &scene::MetallicRoughness, lookup: &impl Lookup) -> Self {
+        let unit = |map| lookup.scalar(map).clamp(0.0, 1.0);
+        let roughness = unit(&m.roughness);
+        Self {
+            base_color: lookup.color(&m.base_color) * lookup.vertex_color(),
+            metallic: unit(&m.metallic),
+            alpha: roughness * roughness,
+            ior: m.ior,
+            specular: unit(&m.specular),
+            f0: (lookup.color(&m.specular_color) * fresnel::f0_of_ior(m.ior)).map(|f0| f0.min(1.0)),
+            transmission: unit(&m.transmission),
+            // glTF: 1 + strength (occlusion − 1).
+            occlusion: m.occlusion.as_ref().map_or(1.0, |(map, strength)| 1.0 + strength * (unit(map) - 1.0)),
+            absorption: m.absorption,
+            thick: m.thick,
+        }
+    }
+
+    /// True when it is a perfect mirror rather than a lobe ([`MIN_ALPHA`]): delta lights leave no highlight on it, and
+    /// [`Self::specular_rays`] reflects.
+    pub fn is_smooth(&self) -> bool {
+        self.alpha < MIN_ALPHA
+    }
+
+    /// The base colour as ambient light shows it, metals included, under the occlusion map.
+    pub fn ambient(&self) -> Spectrum {
+        self.base_color * ((1.0 - (1.0 - self.metallic) * self.transmission) * self.occlusion)
+    }
+
+    /// Reflectance of the diffuse base as a coat at normal incidence leaves it.
+    pub fn diffuse_reflectance(&self) -> Spectrum {
+        self.base_color * (self.base_weight() * (1.0 - self.specular * self.f0.max_channel()))
+    }
+
+    /// The part that reflects diffusely, before the coat.
+    fn base_weight(&self) -> f32 {
+        (1.0 - self.metallic) * (1.0 - self.transmission)
+    }
+
+    /// The coat's and the metal's reflectance together under `cos_h = v·h`.
+    fn facet(&self, cos_h: f32) -> Spectrum {
+        fresnel::schlick(cos_h, self.f0) * ((1.0 - self.metallic) * self.specular)
+            + fresnel::schlick(cos_h, self.base_color) * self.metallic
+    }
+
+    /// Both lobes times `n·wi`.
+    pub fn evaluate_cos(&self, n: Vec3, wo: Vec3, wi: Vec3) -> Lobes {
+        let Some(angles) = Angles::new(n, wo, wi) else {
+            // The viewer is behind a shading normal: the base is still lit.
+            return Lobes { diffuse: self.diffuse_reflectance() * (FRAC_1_PI * n.dot(wi).max(0.0)), specular: Spectrum::BLACK };
+        };
+        let coat = fresnel::schlick(angles.v_h, self.f0).max_channel() * self.specular;
+        let diffuse = self.base_color * (self.base_weight() * (1.0 - coat) * FRAC_1_PI * angles.n_l);
+        let specular = if self.is_smooth() {
+            Spectrum::BLACK
+        } else {
+            let d = microfacet::d(Distribution::Ggx, self.alpha, &angles);
+            let g = microfacet::g_over_cosines(Shadowing::SmithCorrelated, Distribution::Ggx, self.alpha, &angles);
+            self.facet(angles.v_h) * (0.25 * d * g * angles.n_l)
+        };
+        Lobes { diffuse, specular }
+    }
+
+    /// Mirror reflectance at normal incidence when smooth, black when rough.
+    pub fn mirror(&self) -> Spectrum {
+        if self.is_smooth() { self.facet(1.0) } else { Spectrum::BLACK }
+    }
+
+    /// The transmitting part of the base.
+    pub fn transmission(&self) -> Option<Transmission> {
+        let weight = self.base_color * ((1.0 - self.metallic) * self.transmission);
+        (!weight.is_black()).then_some(Transmission {
+            weight,
+            ior: self.ior,
+            thin: !self.thick,
+            absorption: self.absorption,
+            priority: 0,
+        })
+    }
+
+    /// The rays of a smooth coat, and through the transmitting part.
+    pub fn specular_rays(&self, n: Vec3, wo: Vec3, entering: bool) -> SpecularRays {
+        let cos_o = n.dot(wo).clamp(0.0, 1.0);
+        let mut rays = SpecularRays::default();
+        // From inside, the exact equations decide: Schlick's approximation knows no total internal reflection.
+        let inside = !entering && self.thick;
+        let coat = if inside {
+            Spectrum::gray(fresnel::dielectric(cos_o, 1.0 / self.ior))
+        } else {
+            fresnel::schlick(cos_o, self.f0) * self.specular
+        };
+        if self.is_smooth() || (inside && self.transmission > 0.0) {
+            let weight = coat * (1.0 - self.metallic) + fresnel::schlick(cos_o, self.base_color) * self.metallic;
+            rays.reflected = Some((mirror::reflect(wo, n), weight)).filter(|ray| !ray.1.is_black());
+        }
+        if let Some(t) = self.transmission() {
+            let eta = if entering { 1.0 / t.ior } else { t.ior };
+            let direction = if t.thin { Some(-wo) } else { dielectric::refract(wo, n, eta) };
+            rays.refracted = direction.map(|d| (d, t.weight * (1.0 - coat.max_channel())));
+        }
+        rays
+    }
+}

@@ -1,0 +1,124 @@
+//! Rough surfaces as many small mirrors: the distribution `D` of their normals and the part `G` of them that is neither in
+//! shadow nor hidden.
+//!
+//! `D` is normalised so that `∫ D(h)(n·h) dω = 1`; the roughness `α` is Beckmann's root mean square slope `m` and GGX's
+//! width, not squared again. All angles are taken from one [`Angles`], whose sines come from cross products: `1 − cos²` would
+//! lose the width of a sharp highlight to rounding.
+
+use std::f32::consts::{FRAC_1_PI, PI};
+
+use crate::math::{Vec3, function};
+use crate::scene::{Distribution, Shadowing};
+
+/// The smallest roughness that is evaluated as a lobe: below it the highlight is a hundredth of a degree wide and single
+/// precision directions no longer resolve it.
+pub const MIN_ALPHA: f32 = 1e-3;
+
+/// The angles between normal, light, viewer and halfway vector.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Angles {
+    /// `n·l`, above zero.
+    pub n_l: f32,
+    /// `n·v`, above zero.
+    pub n_v: f32,
+    /// `n·h`.
+    pub n_h: f32,
+    /// `v·h = l·h`.
+    pub v_h: f32,
+    /// `tan²` of the angle between `n` and `h`.
+    pub tan2_h: f32,
+}
+
+impl Angles {
+    /// `None` when light or viewer are not in front of `n`.
+    pub fn new(n: Vec3, wo: Vec3, wi: Vec3) -> Option<Self> {
+        let (n_l, n_v) = (n.dot(wi), n.dot(wo));
+        if n_l <= 0.0 || n_v <= 0.0 {
+            return None;
+        }
+        let h = (wo + wi).normalize();
+        let n_h = n.dot(h).min(1.0);
+        Some(Self { n_l, n_v, n_h, v_h: wo.dot(h).clamp(0.0, 1.0), tan2_h: n.cross(h).length_squared() / (n_h * n_h) })
+    }
+}
+
+/// `D(h)`, 1/sr. Beckmann: `exp(−tan²/α²)/(π α² cos⁴)` [Cook82]; GGX: `α²/(π cos⁴ (α² + tan²)²)` [Walter07].
+pub fn d(distribution: Distribution, alpha: f32, angles: &Angles) -> f32 {
+    let a2 = alpha * alpha;
+    let cos2 = angles.n_h * angles.n_h;
+    match distribution {
+        Distribution::Beckmann => function::exp(-angles.tan2_h / a2) / (PI * a2 * cos2 * cos2),
+        Distribution::Ggx => {
+            let s = a2 + angles.tan2_h;
+            a2 * FRAC_1_PI / ((cos2 * s) * (cos2 * s))
+        }
+    }
+}
+
+/// Smith's `Λ` for a direction at `cos` from the normal: `G1 = 1/(1 + Λ)`. [Heitz14]
+///
+/// GGX: `(√(1 + α² tan²) − 1)/2`; Beckmann, with `a = 1/(α tan)`: `(erf a − 1)/2 + exp(−a²)/(2a√π)`, exact rather than the
+/// rational fit of [Walter07].
+pub fn lambda(distribution: Distribution, alpha: f32, cos: f32) -> f32 {
+    let tan2 = ((1.0 - cos) * (1.0 + cos)).max(0.0) / (cos * cos);
+    let slope2 = alpha * alpha * tan2;
+    match distribution {
+        // The difference from one, written without cancellation.
+        Distribution::Ggx => 0.5 * slope2 / ((1.0 + slope2).sqrt() + 1.0),
+        Distribution::Beckmann => {
+            let a = 1.0 / slope2.sqrt();
+            // From here on Λ < 1e-9, nothing against one (and a may be infinite).
+            if a > 4.0 {
+                return 0.0;
+            }
+            let root_pi = 1.772_453_9;
+            (0.5 * (function::exp(-a * a) / (a * root_pi) - libm::erfcf(a))).max(0.0)
+        }
+    }
+}
+
+/// Smith's masking of one direction, `1/(1 + Λ)`.
+pub fn g1(distribution: Distribution, alpha: f32, cos: f32) -> f32 {
+    1.0 / (1.0 + lambda(distribution, alpha, cos))
+}
+
+/// `G/((n·l)(n·v))`: shadowing and masking together with the cosines they tame, finite wherever the quotient is.
+pub fn g_over_cosines(shadowing: Shadowing, distribution: Distribution, alpha: f32, angles: &Angles) -> f32 {
+    let Angles { n_l, n_v, n_h, v_h, .. } = *angles;
+    if shadowing == Shadowing::VCavity {
+        // Each case of the minimum divided by n·l n·v, the smaller cosine cancelling. v·h = 0 only for grazing opposite directions.
+        let valley = 2.0 * n_h * n_l.min(n_v);
+        return if valley < v_h { 2.0 * n_h / (v_h * n_l.max(n_v)) } else { 1.0 / (n_l * n_v) };
+    }
+    if distribution == Distribution::Ggx {
+        // 1 + Λ = (1 + r)/2 with r = √(1 + α² tan²); cos·(1 + r) is free of the division by the cosine.
+        let a2 = alpha * alpha;
+        let scaled = |cos: f32| (cos * cos + a2 * ((1.0 - cos) * (1.0 + cos)).max(0.0)).sqrt();
+        let (s_l, s_v) = (scaled(n_l), scaled(n_v));
+        return match shadowing {
+            Shadowing::SmithCorrelated => 2.0 / (n_l * s_v + n_v * s_l),
+            _ => 4.0 / ((n_l + s_l) * (n_v + s_v)),
+        };
+    }
+    g(shadowing, distribution, alpha, angles) / (n_l * n_v)
+}
+
+/// `G`: the fraction of facets of normal `h` that both light and viewer reach. [Cook82], [Walter07], [Heitz14]
+pub fn g(shadowing: Shadowing, distribution: Distribution, alpha: f32, angles: &Angles) -> f32 {
+    let Angles { n_l, n_v, n_h, v_h, .. } = *angles;
+    match shadowing {
+        Shadowing::VCavity => {
+            let valley = 2.0 * n_h * n_l.min(n_v);
+            if valley < v_h { valley / v_h } else { 1.0 }
+        }
+        Shadowing::Smith => g1(distribution, alpha, n_l) * g1(distribution, alpha, n_v),
+        Shadowing::SmithCorrelated => 1.0 / (1.0 + lambda(distribution, alpha, n_l) + lambda(distribution, alpha, n_v)),
+    }
+}
+
+/// The rational fit of Beckmann's `G1` in [Walter07], accurate to 0.4 %; kept beside the exact one for comparison.
+pub fn g1_beckmann_fit(alpha: f32, cos: f32) -> f32 {
+    let tan = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt() / cos;
+    let c = 1.0 / (alpha * tan);
+    if c >= 1.6 { 1.0 } else { (3.535 * c + 2.181 * c * c) / (1.0 + 2.276 * c + 2.577 * c * c) }
+}

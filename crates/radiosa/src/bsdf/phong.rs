@@ -1,0 +1,116 @@
+//! The classic highlight, by reflection vector [Phong75] and by halfway vector [Blinn77], with the mirror and glass constants
+//! of [Whitted80]: the model of OBJ's materials.
+//!
+//! Both authors add the highlight to the picture without the cosine of the light's angle, `k_s (r·v)^n` or `k_s (n·h)^n`
+//! times the light's intensity. Written as a reflection function that is `(k_s/π)(r·v)^n/(n·l)`: not reciprocal, not
+//! energy-conserving, infinite at grazing light, and kept so for delta lights. [`lafortune`] is the normalised lobe that
+//! replaces it where light is integrated.
+
+use std::f32::consts::{FRAC_1_PI, PI};
+
+use super::{Lobes, Lookup, Transmission, lambert, mirror};
+use crate::math::{Vec3, function};
+use crate::scene::{self, PhongLobe};
+use crate::spectrum::Spectrum;
+
+/// Coefficients at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Phong {
+    /// `k_a`.
+    pub ambient: Spectrum,
+    /// `k_d`.
+    pub diffuse: Spectrum,
+    /// `k_s`.
+    pub specular: Spectrum,
+    /// `n`.
+    pub exponent: f32,
+    /// Which vector the highlight measures.
+    pub lobe: PhongLobe,
+    /// `k_r`.
+    pub mirror: Spectrum,
+    /// `k_t` and the medium behind.
+    pub transmission: Option<Transmission>,
+    /// Fresnel weighs `k_r` and `k_t` (index in `transmission`, 1.5 for an opaque mirror coat).
+    pub fresnel: Option<f32>,
+}
+
+impl Default for Phong {
+    /// Black.
+    fn default() -> Self {
+        Self {
+            ambient: Spectrum::BLACK,
+            diffuse: Spectrum::BLACK,
+            specular: Spectrum::BLACK,
+            exponent: 1.0,
+            lobe: PhongLobe::Phong,
+            mirror: Spectrum::BLACK,
+            transmission: None,
+            fresnel: None,
+        }
+    }
+}
+
+impl Phong {
+    pub(super) fn resolve(m: &scene::Phong, lookup: &impl Lookup) -> Self {
+        let vertex = lookup.vertex_color();
+        let diffuse = lookup.color(&m.diffuse) * vertex;
+        Self {
+            ambient: m.ambient.as_ref().map_or(diffuse, |map| lookup.color(map) * vertex),
+            diffuse,
+            specular: lookup.color(&m.specular),
+            exponent: lookup.scalar(&m.exponent).max(0.0),
+            lobe: m.lobe,
+            mirror: m.mirror,
+            transmission: (!m.transmission.is_black()).then_some(Transmission {
+                weight: m.transmission,
+                ior: m.ior,
+                thin: m.thin,
+                absorption: m.absorption,
+                priority: m.priority,
+            }),
+            fresnel: m.fresnel.then_some(m.ior),
+        }
+    }
+
+    /// `(k_d/π)(n·wi)` and `(k_s/π)(r·wo)^n` or `(k_s/π)(n·h)^n`, zero when `n·wi ≤ 0`.
+    pub fn evaluate_cos(&self, n: Vec3, wo: Vec3, wi: Vec3) -> Lobes {
+        if n.dot(wi) <= 0.0 {
+            return Lobes::BLACK;
+        }
+        let specular = if self.specular.is_black() {
+            Spectrum::BLACK
+        } else {
+            let lobe = match self.lobe {
+                PhongLobe::Phong => phong_lobe(n, wo, wi, self.exponent),
+                PhongLobe::BlinnPhong => blinn_lobe(n, wo, wi, self.exponent),
+            };
+            self.specular * (lobe * FRAC_1_PI)
+        };
+        Lobes { diffuse: lambert::f_cos(self.diffuse, n, wi), specular }
+    }
+}
+
+/// `((r·wo)⁺)^exponent`, `r` the mirror image of `wi` about `n`. [Phong75]
+pub fn phong_lobe(n: Vec3, wo: Vec3, wi: Vec3, exponent: f32) -> f32 {
+    power(mirror::reflect(wi, n).dot(wo), exponent)
+}
+
+/// `((n·h)⁺)^exponent`, `h` halfway between `wo` and `wi`. [Blinn77]
+pub fn blinn_lobe(n: Vec3, wo: Vec3, wi: Vec3, exponent: f32) -> f32 {
+    power(n.dot((wo + wi).normalize_or_zero()), exponent)
+}
+
+/// The Phong lobe as a reflection function that keeps the laws: `f = k_s (n + 2)/(2π) ((r·wo)⁺)^n`, reciprocal, with albedo
+/// `k_s` at normal incidence and less elsewhere. [Lafortune94]
+pub fn lafortune(k_s: Spectrum, n: Vec3, wo: Vec3, wi: Vec3, exponent: f32) -> Spectrum {
+    if n.dot(wi) <= 0.0 || n.dot(wo) <= 0.0 {
+        return Spectrum::BLACK;
+    }
+    k_s * ((exponent + 2.0) / (2.0 * PI) * phong_lobe(n, wo, wi, exponent))
+}
+
+/// `x^exponent`, zero for `x ≤ 0` even when the exponent is zero.
+fn power(x: f32, exponent: f32) -> f32 {
+    // Rounding may carry a cosine a little past one, which an exponent in the thousands would show.
+    if x > 0.0 { function::pow(x.min(1.0), exponent) } else { 0.0 }
+}

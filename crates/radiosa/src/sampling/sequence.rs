@@ -1,0 +1,95 @@
+//! Points that fill the square more evenly than chance: the (0,2)-sequence of Sobol, Owen-scrambled by hashing [Burley20].
+//!
+//! The first 2^k points put exactly one in every elementary interval of area 2^−k; scrambling keeps that, makes every point uniform
+//! and sets of different keys independent. Estimates of smooth integrands err by n^(−3/2) rather than n^(−1/2).
+
+use super::rng::{self, unit_f32};
+use crate::math::Vec2;
+
+/// The first two dimensions of Sobol's sequence, as 32-bit fractions.
+fn sobol(index: u32) -> [u32; 2] {
+    let mut second = 0;
+    let (mut i, mut v) = (index, 1u32 << 31);
+    while i != 0 {
+        if i & 1 == 1 {
+            second ^= v;
+        }
+        v ^= v >> 1;
+        i >>= 1;
+    }
+    [index.reverse_bits(), second]
+}
+
+/// Nested uniform (Owen) scrambling of a 32-bit fraction: flips each bit by a hash of the bits above it.
+fn scramble(x: u32, seed: u32) -> u32 {
+    let mut x = x.reverse_bits().wrapping_add(seed);
+    for multiplier in [0x6C50_B47C_u32, 0xB82F_1E52, 0xC7AF_E638, 0x8D22_F6E6] {
+        x ^= x.wrapping_mul(multiplier);
+    }
+    x.reverse_bits()
+}
+
+/// Point `index` of the two-dimensional set that `key` names. Sets of different keys are independent, in their order too, so they can be
+/// padded to any number of dimensions.
+pub fn point_2d(index: u32, key: u64) -> Vec2 {
+    let order = (rng::mix(key) >> 32) as u32;
+    let seeds = rng::mix(key ^ 0x5851_F42D_4C95_7F2D);
+    let [x, y] = sobol(scramble(index, order));
+    Vec2::new(unit_f32(scramble(x, (seeds >> 32) as u32)), unit_f32(scramble(y, seeds as u32)))
+}
+
+/// Where sample `sample` of `n_samples` falls in its pixel, in `[0, 1)²`: the centre when there is only one, else well distributed over the
+/// pixel, differently in each.
+pub fn pixel_sample(seed: u64, pixel: u32, sample: u32, n_samples: u32) -> Vec2 {
+    if n_samples <= 1 {
+        return Vec2::splat(0.5);
+    }
+    point_2d(sample, rng::key(&[seed, u64::from(pixel), 0x0070_6978_656C]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The number of elementary intervals of area 1/n that do not hold exactly one of n points.
+    fn violations(points: &[Vec2]) -> usize {
+        let n = points.len();
+        let k = n.trailing_zeros();
+        (0..=k)
+            .map(|a| {
+                let (across, down) = (1 << a, 1 << (k - a));
+                let mut count = vec![0; n];
+                for p in points {
+                    count[(p.y * down as f32) as usize * across + (p.x * across as f32) as usize] += 1;
+                }
+                count.iter().filter(|&&c| c != 1).count()
+            })
+            .sum()
+    }
+
+    #[test]
+    fn every_elementary_interval_holds_one_point() {
+        for key in 0..20 {
+            let points: Vec<_> = (0..256).map(|i| point_2d(i, key)).collect();
+            assert_eq!(violations(&points), 0, "key {key}");
+        }
+        // The twin: independent random points are caught.
+        let mut stream = rng::Stream::new(1, 2, 3);
+        let random: Vec<_> = (0..256).map(|_| stream.next_2d()).collect();
+        assert!(violations(&random) > 100);
+    }
+
+    #[test]
+    fn the_error_of_a_smooth_integral_falls_faster_than_chance() {
+        // ∫∫ x² y dx dy = 1/6; root mean square error over 64 keys at two sizes, slope of log error by log n.
+        let rms = |n: u32| {
+            let squares = (0..64).map(|key| {
+                let mean = (0..n).map(|i| point_2d(i, key)).map(|p| f64::from(p.x * p.x * p.y)).sum::<f64>() / f64::from(n);
+                (mean - 1.0 / 6.0).powi(2)
+            });
+            (squares.sum::<f64>() / 64.0).sqrt()
+        };
+        let slope = (rms(1024) / rms(16)).ln() / 64f64.ln();
+        assert!((-1.7..-1.3).contains(&slope), "slope {slope}");
+    }
+}
