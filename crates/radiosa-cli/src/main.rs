@@ -1,2 +1,42 @@
-//! x
-fn main() {}
+//! The command `radiosa`.
+
+mod args;
+mod error;
+mod interrupt;
+mod progress;
+mod render;
+mod scenes;
+mod version;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+fn main() -> ExitCode {
+    let args = args::Arguments::parse();
+    let json = args.json;
+    match run(args) {
+        Ok(code) => code,
+        Err(error) => {
+            error.report(json);
+            error.exit_code()
+        }
+    }
+}
+
+fn run(args: args::Arguments) -> Result<ExitCode, error::Error> {
+    if args.version {
+        version::print(args.json);
+        return Ok(ExitCode::SUCCESS);
+    }
+    match args.verb {
+        Some(args::Verb::Render(render)) => render::run(*render, args.json),
+        Some(args::Verb::Scenes(scenes)) => scenes::run(scenes, args.json),
+        Some(args::Verb::Info(info)) => version::info(&info, args.json),
+        None => {
+            use clap::CommandFactory;
+            let mut command = args::Arguments::command();
+            Err(error::Error::Misuse(command.render_help().to_string()))
+        }
+    }
+}

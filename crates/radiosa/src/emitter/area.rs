@@ -11,6 +11,7 @@
 use std::collections::HashMap;
 
 use super::Incident;
+use crate::math::rounding::{gamma, offset_origin};
 use crate::math::{Affine3A, DMat3, DVec2, DVec3, Vec3, function};
 use crate::scene::InstanceId;
 use crate::spectrum::Spectrum;
@@ -44,7 +45,9 @@ impl PointSample {
         let factor = self.area * cos / distance / distance;
         (cos > 0.0 && factor.is_finite()).then(|| {
             let irradiance = self.radiance * factor;
-            Incident { wi, distance, diffuse: irradiance, specular: irradiance, casts_shadow: true }
+            // A few roundings lead from the surface's vertices to the point; the ray's end stays clear of them.
+            let target = offset_origin(self.position, self.position.abs() * gamma(16), self.normal, -wi);
+            Incident { wi, distance, target: Some(target), diffuse: irradiance, specular: irradiance, casts_shadow: true }
         })
     }
 

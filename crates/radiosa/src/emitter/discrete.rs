@@ -30,6 +30,7 @@ fn incidents(directions: &[Directional], diffuse: Spectrum, specular: Spectrum, 
     directions
         .iter()
         .map(|d| Incident {
+            target: None,
             wi: d.to_light.as_vec3(),
             distance: f32::INFINITY,
             diffuse: d.intensity * diffuse * PI,

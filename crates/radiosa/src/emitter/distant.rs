@@ -33,6 +33,7 @@ impl Distant {
     /// What arrives anywhere.
     pub fn incident(&self) -> Incident {
         Incident {
+            target: None,
             wi: self.to_light,
             distance: f32::INFINITY,
             diffuse: self.diffuse,

@@ -32,6 +32,8 @@ pub struct Incident {
     pub wi: Vec3,
     /// How far the light is, metres; infinite for parallel light.
     pub distance: f32,
+    /// Where a shadow ray ends: the light's position, for a point of a surface just in front of it; `None` for parallel light.
+    pub target: Option<Vec3>,
     /// `E_⊥` for diffuse lobes, W/m² or lux: irradiance at normal incidence.
     pub diffuse: Spectrum,
     /// `E_⊥` for specular lobes, likewise.

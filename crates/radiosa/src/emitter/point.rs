@@ -85,6 +85,7 @@ impl Point {
         let falloff = self.falloff.at(distance);
         // A light within 1e-19 m of the point would overflow; nothing real is that near.
         (falloff > 0.0 && falloff.is_finite()).then(|| Incident {
+            target: Some(self.position),
             wi: to_light / distance,
             distance,
             diffuse: self.diffuse * falloff,

@@ -19,7 +19,7 @@ pub use scene_file::schema as scene_file_schema;
 
 use std::path::{Path, PathBuf};
 
-use crate::scene::Scene;
+use crate::scene::{Image, Scene};
 
 /// What an import may touch and spend.
 #[derive(Clone, Debug)]
@@ -66,4 +66,13 @@ pub fn load(path: &Path, options: &Options) -> Result<(Scene, Vec<Warning>), Imp
     }
     scene.validate().map_err(|e| ImportError::invalid(Location::file(path), e.to_string()))?;
     Ok((scene, warnings.into_vec()))
+}
+
+/// Reads one picture from a file, for an environment given on the command line.
+///
+/// # Errors
+/// When the file cannot be read or is no picture.
+pub fn load_picture(path: &Path, options: &Options) -> Result<Image, ImportError> {
+    let bytes = Resolver::new(path, options).read_main()?;
+    decode_picture(&bytes, &Location::file(path), options.max_memory)
 }

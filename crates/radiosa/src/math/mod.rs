@@ -9,6 +9,7 @@ mod cpu;
 mod frame;
 pub mod function;
 mod ray;
+pub mod rounding;
 
 pub use bounds::Bounds;
 pub use cpu::CpuPath;

@@ -153,6 +153,19 @@ pub struct Environment {
     pub n_directions: u32,
 }
 
+impl Default for Environment {
+    /// White, radiance 1 in every direction, seen by the camera, reduced to 64 directions.
+    fn default() -> Self {
+        Self {
+            radiance: EnvironmentRadiance::Constant,
+            scale: Spectrum::WHITE,
+            rotation: DQuat::IDENTITY,
+            visible: true,
+            n_directions: 64,
+        }
+    }
+}
+
 /// What an environment shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EnvironmentRadiance {

@@ -20,7 +20,7 @@ pub use mesh::{Mesh, MeshSource, Polygons};
 pub use texture::{Filter, Image, Pixels, Sampler, Texture, TextureRef, TextureSource, UvTransform, Wrap};
 pub use validate::SceneError;
 
-use crate::math::{DAffine3, DVec3};
+use crate::math::{DAffine3, DMat3, DVec3};
 use crate::spectrum::Spectrum;
 
 macro_rules! ids {
@@ -171,6 +171,50 @@ impl Scene {
             Geometry::Mesh(mesh) => self.meshes[mesh.index()].material_of(primitive),
             Geometry::Sphere | Geometry::Disc => None,
         })
+    }
+
+    /// Turns and scales the whole scene: `rotation` is orthonormal, `scale` above zero. Lengths that are part of a light (falloff, range) are
+    /// scaled too; intensities and radiances keep their numbers.
+    pub fn transform(&mut self, rotation: DMat3, scale: f64) {
+        let map = DAffine3::from_mat3(rotation * scale);
+        self.from_file = map * self.from_file;
+        for instance in &mut self.instances {
+            instance.transform = map * instance.transform;
+        }
+        for camera in &mut self.cameras {
+            camera.position = map.transform_point3(camera.position);
+            camera.basis = rotation * camera.basis;
+            if let Projection::Orthographic { height } = &mut camera.projection {
+                *height *= scale;
+            }
+        }
+        let stretch = |a: &mut Attenuation, range: &mut f64| {
+            *range *= scale;
+            a.c2 /= scale;
+            a.c3 /= scale * scale;
+        };
+        for light in &mut self.lights {
+            match &mut light.kind {
+                LightKind::Ambient => {}
+                LightKind::Point { position, attenuation, range, .. } => {
+                    *position = map.transform_point3(*position);
+                    stretch(attenuation, range);
+                }
+                LightKind::Spot { position, axis, attenuation, range, .. } => {
+                    *position = map.transform_point3(*position);
+                    *axis = rotation * *axis;
+                    stretch(attenuation, range);
+                }
+                LightKind::Distant { to_light, .. } => *to_light = rotation * *to_light,
+                LightKind::Hemispherical { axis, .. } => *axis = rotation * *axis,
+                LightKind::Discrete { directions } => {
+                    directions.iter_mut().for_each(|d| d.to_light = rotation * d.to_light);
+                }
+            }
+        }
+        if let Some(environment) = &mut self.environment {
+            environment.rotation = crate::math::DQuat::from_mat3(&rotation) * environment.rotation;
+        }
     }
 
     /// Number of triangles counting every placed mesh; exact shapes count one.

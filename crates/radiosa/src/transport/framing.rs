@@ -18,15 +18,15 @@ pub fn automatic(world: &World, aspect: f64) -> Camera {
         return Camera::look_at("automatic", DVec3::Z * 5.0, DVec3::ZERO, DVec3::Y, perspective(45.0));
     }
     let size = bounds.extent().as_dvec3();
-    let best = (0..27)
+    let probes: Vec<Probe> = (0..27)
         .map(|i| {
             let at = |k: u32| 0.25 + 0.25 * f64::from(i / 3u32.pow(k) % 3);
             Probe::at(world, bounds.min.as_dvec3() + size * DVec3::new(at(0), at(1), at(2)))
         })
-        .max_by(|a, b| a.fronts.total_cmp(&b.fronts))
-        .filter(|probe| probe.fronts >= ENCLOSED);
+        .collect();
+    let best = probes.iter().max_by(|a, b| a.fronts.total_cmp(&b.fronts)).filter(|probe| probe.fronts >= ENCLOSED);
     let camera = match best {
-        Some(probe) => match opening(&probe) {
+        Some(probe) => match opening(&probes) {
             Some(direction) => outside(world, direction, 40.0, aspect),
             None => inside(world, probe.position, aspect),
         },
@@ -49,18 +49,19 @@ struct Probe {
 }
 
 impl Probe {
+    const DIRECTIONS: u32 = 96;
+
     fn at(world: &World, position: DVec3) -> Self {
-        const N: u32 = 96;
         let mut fronts = 0;
         let mut open = Vec::new();
-        for dir in sphere_directions(N) {
+        for dir in sphere_directions(Self::DIRECTIONS) {
             match look(world, position, dir) {
                 Some((_, true)) => fronts += 1,
                 Some((_, false)) => {}
                 None => open.push(dir),
             }
         }
-        Self { position, fronts: f64::from(fronts) / f64::from(N), open }
+        Self { position, fronts: f64::from(fronts) / f64::from(Self::DIRECTIONS), open }
     }
 }
 
@@ -85,13 +86,17 @@ fn look(world: &World, from: DVec3, dir: DVec3) -> Option<(f64, bool)> {
     Some((f64::from(hit.t), front))
 }
 
-/// The direction of the open side of a box, if the ways out are all on one side.
-fn opening(probe: &Probe) -> Option<DVec3> {
-    if probe.open.len() < 5 {
+/// The direction of the open side of a box, if the ways out are many and all on one side.
+fn opening(probes: &[Probe]) -> Option<DVec3> {
+    // Probes that stand in something solid, or outside, say nothing.
+    let inside: Vec<&Probe> = probes.iter().filter(|p| p.fronts >= 0.5).collect();
+    let open: Vec<DVec3> = inside.iter().flat_map(|p| p.open.iter().copied()).collect();
+    // A window is smaller than this, a missing wall larger.
+    if (open.len() as f64) < 0.07 * f64::from(Probe::DIRECTIONS) * inside.len() as f64 {
         return None;
     }
-    let mean = probe.open.iter().sum::<DVec3>() / probe.open.len() as f64;
-    if mean.length() < 0.75 {
+    let mean = open.iter().sum::<DVec3>() / open.len() as f64;
+    if mean.length() < 0.6 {
         return None;
     }
     let axis = mean.normalize();

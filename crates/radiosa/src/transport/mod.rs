@@ -1,13 +1,21 @@
 //! The words all methods share: the prepared [`World`], what a ray hit ([`Surface`]), where camera rays start ([`View`]), and the two
 //! verbs [`Integrator`] and [`Solver`].
 
+pub mod default_light;
+mod direct;
+mod emissive;
 pub mod framing;
+mod integrator;
+mod shading;
 mod solver;
 mod surface;
 mod view;
 mod world;
 
+pub use direct::{Emitters, LightSettings, Lights, LocalLight, Viewer};
+pub use integrator::Integrator;
+pub use shading::Shading;
 pub use solver::{Solver, Step};
-pub use surface::{Surface, offset_origin};
+pub use surface::Surface;
 pub use view::View;
 pub use world::World;

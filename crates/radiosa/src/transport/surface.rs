@@ -6,14 +6,9 @@
 
 use super::World;
 use crate::accel::{Hit, Shape};
+use crate::math::rounding::{gamma, offset_origin};
 use crate::math::{Ray, Vec2, Vec3, Vec4};
 use crate::scene::{Geometry, InstanceId, MaterialId, Mesh};
-
-/// Bound of the relative error of `n` roundings in sequence: `n ε / (1 − n ε)`, ε half the machine epsilon.
-pub(crate) const fn gamma(n: u32) -> f32 {
-    let ne = n as f32 * (f32::EPSILON * 0.5);
-    ne / (1.0 - ne)
-}
 
 /// A point on a surface as seen along a ray.
 #[derive(Clone, Copy, Debug)]
@@ -101,23 +96,6 @@ fn transform_point(m: &crate::math::Affine3A, p: Vec3, error: Vec3) -> (Vec3, Ve
     let magnitude = Vec3::from(abs * p.abs().to_vec3a() + m.translation.abs());
     let carried = Vec3::from(abs * error.to_vec3a());
     (moved, magnitude * gamma(4) + carried * (1.0 + gamma(4)))
-}
-
-/// `p` moved off its surface, to the side `towards` points to, just beyond its rounding error.
-pub fn offset_origin(p: Vec3, p_error: Vec3, ng: Vec3, towards: Vec3) -> Vec3 {
-    let distance = ng.abs().dot(p_error);
-    let offset = if ng.dot(towards) < 0.0 { -ng * distance } else { ng * distance };
-    let moved = p + offset;
-    // The sum rounds too: away from the surface in every coordinate.
-    Vec3::from_array(std::array::from_fn(|i| {
-        if offset[i] > 0.0 {
-            moved[i].next_up()
-        } else if offset[i] < 0.0 {
-            moved[i].next_down()
-        } else {
-            moved[i]
-        }
-    }))
 }
 
 impl Surface {

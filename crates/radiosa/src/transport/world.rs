@@ -4,8 +4,9 @@ use std::collections::HashMap;
 
 use super::Surface;
 use crate::accel::{self, Accel, Placed, Shape};
+use crate::emitter::{area::EmissiveSurface, environment::Sky};
 use crate::math::{Affine3A, CpuPath, DAffine3, DVec3, Vec3};
-use crate::scene::{Geometry, InstanceId, MaterialId, Scene, SceneError};
+use crate::scene::{AlphaMode, Geometry, InstanceId, Material, MaterialId, Model, Scene, SceneError};
 
 /// Meshes placed more than once are copied into world coordinates while the scene stays below this many triangles: one
 /// tree is faster than a tree of trees, and 8 M triangles cost about 1 GB.
@@ -22,6 +23,11 @@ pub struct World {
     instances: Vec<InstanceInfo>,
     cpu_path: CpuPath,
     default_material: crate::scene::Material,
+    emissive: Vec<EmissiveSurface>,
+    sky: Option<Sky>,
+    has_masks: bool,
+    /// By material: light may pass it.
+    transparent: Vec<bool>,
 }
 
 #[derive(Debug)]
@@ -104,7 +110,23 @@ impl World {
             })
             .collect();
         let accel = Accel::build(geometry, cpu_path);
-        Ok(Self { scene, origin, accel, instances, cpu_path, default_material: Default::default() })
+        let has_masks = scene.materials.iter().any(|m| matches!(m.alpha.mode, AlphaMode::Mask { .. }));
+        let transparent = scene.materials.iter().map(lets_light_through).collect();
+        let sky = scene.environment.as_ref().map(|e| Sky::new(e, &scene.images));
+        let mut world = Self {
+            scene,
+            origin,
+            accel,
+            instances,
+            cpu_path,
+            default_material: Default::default(),
+            emissive: Vec::new(),
+            sky,
+            has_masks,
+            transparent,
+        };
+        world.emissive = world.collect_emissive();
+        Ok(world)
     }
 
     /// The scene it was made from.
@@ -137,6 +159,28 @@ impl World {
         self.material(surface.material)
     }
 
+    /// Every placed primitive that emits, in the order of the scene.
+    pub fn emissive(&self) -> &[EmissiveSurface] {
+        &self.emissive
+    }
+
+    /// The prepared environment.
+    pub fn sky(&self) -> Option<&Sky> {
+        self.sky.as_ref()
+    }
+
+    pub(super) fn has_masks(&self) -> bool {
+        self.has_masks
+    }
+
+    pub(super) fn has_transparency(&self) -> bool {
+        self.transparent.contains(&true)
+    }
+
+    pub(super) fn may_be_transparent(&self, id: Option<MaterialId>) -> bool {
+        id.is_some_and(|id| self.transparent[id.index()])
+    }
+
     pub(super) fn is_mirrored(&self, id: InstanceId) -> bool {
         self.instances[id.index()].mirrored
     }
@@ -158,6 +202,16 @@ impl World {
         let n = a * weights[0] + b * weights[1] + c * weights[2];
         self.normal_to_world(id, n.as_dvec3()).try_normalize().map(|n| n.as_vec3()).filter(|n| n.is_finite())
     }
+}
+
+/// True when part of the light may pass a surface of this material straight.
+fn lets_light_through(material: &Material) -> bool {
+    let transmits = match &material.model {
+        Model::Phong(m) => !m.transmission.is_black(),
+        Model::CookTorrance(_) => false,
+        Model::MetallicRoughness(m) => m.transmission.factor > 0.0,
+    };
+    transmits || material.alpha.mode != AlphaMode::Opaque
 }
 
 /// The middle of the scene, rounded so that subtracting it is exact for most coordinates; zero when the scene is around the origin already.

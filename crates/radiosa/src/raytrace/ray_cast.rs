@@ -1,0 +1,129 @@
+//! Ray casting: one ray a camera sample, the local reflection model where it hits, shadow rays to the lights.
+//!
+//! `L = L_e + I_a k_a + Σ_lights V f(wo, wi) E⊥ (n·wi)⁺`, with the rows and lobes of the light table (`docs/conventions.md`). Nothing is
+//! interreflected: mirrors show only their highlights. A surface that is partly transparent, by alpha or by transmission, lets the
+//! same straight ray go on behind it, and shadow rays likewise; nothing is bent.
+
+use crate::film::Pixel;
+use crate::math::{Ray, Vec3};
+use crate::sampling::Stream;
+use crate::scene::Light;
+use crate::spectrum::Spectrum;
+use crate::transport::{Integrator, LightSettings, Lights, Viewer, World};
+
+/// A ray is followed behind transparent surfaces until this is left of it: less no longer changes an 8-bit picture.
+const NEGLIGIBLE: f32 = 1.0 / 1024.0;
+/// Transparent surfaces a ray passes at most; a pile of this many hides the rest.
+const MAX_LAYERS: u32 = 256;
+
+/// What ray casting can be asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Shadow rays.
+    pub shadows: bool,
+    /// How lights are prepared.
+    pub lights: LightSettings,
+    /// Where highlights are seen from.
+    pub viewer: Viewer,
+    /// Lights beside the scene's own (`transport::default_light`).
+    pub extra_lights: Vec<Light>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { shadows: true, lights: LightSettings::default(), viewer: Viewer::Local, extra_lights: Vec::new() }
+    }
+}
+
+/// Ray casting, ready to be asked.
+#[derive(Debug)]
+pub struct RayCast {
+    shadows: bool,
+    viewer: Viewer,
+    lights: Lights,
+    /// Unit, to an infinitely distant viewer.
+    to_viewer: Vec3,
+}
+
+impl RayCast {
+    /// Prepares the lights of a world. `forward` is the direction the camera looks in, for viewers at infinity.
+    pub fn new(world: &World, settings: &Settings, forward: Vec3) -> Self {
+        Self {
+            shadows: settings.shadows,
+            viewer: settings.viewer,
+            lights: Lights::prepare(world, &settings.lights, &settings.extra_lights),
+            to_viewer: -forward,
+        }
+    }
+
+    /// The prepared lights.
+    pub fn lights(&self) -> &Lights {
+        &self.lights
+    }
+}
+
+impl Integrator for RayCast {
+    fn sample(&self, world: &World, ray: &Ray, _stream: &mut Stream, n_rays: &mut u64) -> Pixel {
+        let mut pixel = Pixel::default();
+        let mut ray = *ray;
+        let mut travelled = 0.0;
+        // What still comes through, and how much of that came through glass rather than through holes.
+        let mut open = Spectrum::WHITE;
+        let mut through_glass = false;
+        for layer in 0..MAX_LAYERS {
+            *n_rays += 1;
+            let Some((hit, surface)) = world.closest_visible(&ray) else {
+                let seen = open * world.background(ray.dir, layer == 0);
+                if through_glass {
+                    pixel.refraction += seen;
+                    pixel.direct += seen;
+                } else {
+                    pixel.background += seen;
+                }
+                pixel.color += seen;
+                break;
+            };
+            let wo = -ray.dir;
+            let mut shading = world.shading(&surface, wo);
+            travelled += hit.t;
+            if layer == 0 {
+                pixel.albedo = shading.bsdf.albedo();
+                pixel.normal = shading.n;
+                pixel.position = (surface.p.as_dvec3() + world.origin()).as_vec3();
+                pixel.depth = travelled;
+                pixel.object = Some(surface.instance.0);
+            }
+            if self.viewer == Viewer::Infinite {
+                shading.wo = self.to_viewer;
+            }
+            let weight = open * shading.coverage;
+            let emission = weight * (shading.emission + shading.bsdf.unlit().unwrap_or(Spectrum::BLACK));
+            let light = self.lights.at(world, &surface, &shading, self.shadows, n_rays);
+            let (ambient, diffuse, specular) = (weight * light.ambient, weight * light.diffuse, weight * light.specular);
+            if through_glass {
+                pixel.refraction += ambient + diffuse + specular + emission;
+                pixel.direct += diffuse + specular + emission;
+            } else {
+                pixel.ambient += ambient;
+                pixel.diffuse += diffuse;
+                pixel.specular += specular;
+                pixel.emission += emission;
+                pixel.direct += diffuse + specular;
+            }
+            // Ambient light stands for what was reflected before.
+            pixel.indirect += ambient;
+            pixel.color += ambient + diffuse + specular + emission;
+
+            let glass = shading.bsdf.transmission().map_or(Spectrum::BLACK, |t| t.weight);
+            through_glass |= !glass.is_black();
+            open = open * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
+            if open.max_channel() < NEGLIGIBLE {
+                open = Spectrum::BLACK;
+                break;
+            }
+            ray = surface.ray(ray.dir);
+        }
+        pixel.alpha = 1.0 - open.luminance().clamp(0.0, 1.0);
+        pixel
+    }
+}

@@ -1,0 +1,127 @@
+//! Direct light at a surface from everything that is not traced further: the sum over lights that ray casting, Whitted's method and
+//! radiosity's displayed direct part share.
+
+use super::{Shading, Surface, World};
+use crate::emitter::{Emitter, EnvironmentShadows, Incident, area};
+use crate::scene::Light;
+use crate::spectrum::Spectrum;
+
+/// Whether emissive surfaces light others in the local methods.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Emitters {
+    /// They glow but light nothing: the strict local model.
+    Ignore,
+    /// `n × n` cosine point sources for each connected coplanar emitter.
+    Points {
+        /// Points a side.
+        n: u32,
+        /// Most points in all; the weakest emitters lose theirs first.
+        max: u32,
+    },
+}
+
+/// How the lights of a scene are prepared for a local method.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightSettings {
+    /// Emissive surfaces.
+    pub emitters: Emitters,
+    /// Whether environments and discrete environments cast shadows.
+    pub environment_shadows: EnvironmentShadows,
+}
+
+impl Default for LightSettings {
+    fn default() -> Self {
+        Self { emitters: Emitters::Points { n: 6, max: 4096 }, environment_shadows: EnvironmentShadows::Off }
+    }
+}
+
+/// From where highlights are seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Viewer {
+    /// From the eye point: `v` changes over the picture.
+    #[default]
+    Local,
+    /// From infinitely far away: `v` is constant, as the classic scan-line renderers had it.
+    Infinite,
+}
+
+/// The lights of a world, prepared for a local method.
+#[derive(Debug)]
+pub struct Lights {
+    emitters: Vec<Emitter>,
+    ambient: Spectrum,
+    n_points: usize,
+}
+
+/// What the lights do at a point.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LocalLight {
+    /// `I_a k_a` of the global ambient light and of every light's own.
+    pub ambient: Spectrum,
+    /// Diffusely reflected.
+    pub diffuse: Spectrum,
+    /// Highlights.
+    pub specular: Spectrum,
+}
+
+impl Lights {
+    /// Prepares every light of a world, and `extra` ones beside them.
+    pub fn prepare(world: &World, settings: &LightSettings, extra: &[Light]) -> Self {
+        let scene = world.scene();
+        let lights = || scene.lights.iter().chain(extra);
+        let mut emitters: Vec<Emitter> =
+            lights().map(|light| Emitter::prepare(light, world.origin(), settings.environment_shadows)).collect();
+        emitters.extend(world.sky().map(|sky| sky.emitter(settings.environment_shadows)));
+        let mut n_points = 0;
+        if let Emitters::Points { n, max } = settings.emitters {
+            let points = area::sample_points(world.emissive(), n, max);
+            n_points = points.len();
+            emitters.push(Emitter::Area(points));
+        }
+        let ambient = scene.ambient + emitters.iter().map(Emitter::ambient).sum();
+        Self { emitters, ambient, n_points }
+    }
+
+    /// Point sources the emissive surfaces became.
+    pub fn n_points(&self) -> usize {
+        self.n_points
+    }
+
+    /// What a person should know about how the lights were prepared.
+    pub fn note(&self) -> Option<String> {
+        (self.n_points > 0).then(|| format!("emissive surfaces light others as {} point sources", self.n_points))
+    }
+
+    /// What every light does at a surface; `n_rays` grows by the shadow rays traced (none when `shadows` is off).
+    pub fn at(&self, world: &World, surface: &Surface, shading: &Shading, shadows: bool, n_rays: &mut u64) -> LocalLight {
+        let mut light = LocalLight { ambient: shading.bsdf.ambient() * self.ambient, ..LocalLight::default() };
+        for emitter in &self.emitters {
+            // Light from everywhere at once: the diffuse lobe under its irradiance, no highlight.
+            light.diffuse += shading.bsdf.diffuse_reflectance() * emitter.irradiance(shading.n) * std::f32::consts::FRAC_1_PI;
+            emitter.for_each_incident(surface.p, &mut |incident: Incident| {
+                if shading.n.dot(incident.wi) <= 0.0 {
+                    return;
+                }
+                let lobes = shading.bsdf.evaluate_cos(shading.n, shading.wo, incident.wi);
+                let (mut diffuse, mut specular) = (lobes.diffuse * incident.diffuse, lobes.specular * incident.specular);
+                if diffuse.is_black() && specular.is_black() {
+                    return;
+                }
+                if shadows && incident.casts_shadow {
+                    let passed = visible(world, surface, &incident, n_rays);
+                    diffuse = diffuse * passed;
+                    specular = specular * passed;
+                }
+                light.diffuse += diffuse;
+                light.specular += specular;
+            });
+        }
+        light
+    }
+}
+
+/// The fraction of a light's light that reaches a surface past everything between.
+fn visible(world: &World, surface: &Surface, incident: &Incident, n_rays: &mut u64) -> Spectrum {
+    let ray = incident.target.map_or_else(|| surface.ray(incident.wi), |target| surface.segment_to(target));
+    world.transmittance(&ray, n_rays)
+}

@@ -1,0 +1,226 @@
+//! A surface seen from somewhere: normals on the viewer's side, textures looked up, the reflection function resolved.
+
+use super::{Surface, World};
+use crate::accel::Hit;
+use crate::bsdf::texture;
+use crate::bsdf::{Bsdf, Lookup};
+use crate::math::{Frame, Ray, Vec2, Vec3, Vec4};
+use crate::scene::{AlphaMode, ColorMap, Geometry, NormalMap, ScalarMap, TextureId, TextureRef, TextureSource};
+use crate::spectrum::Spectrum;
+
+/// Transparent surfaces a segment passes at most; a pile of this many counts as opaque.
+const MAX_LAYERS: u32 = 256;
+
+/// What a method needs to know of a hit to light it.
+#[derive(Clone, Debug)]
+pub struct Shading {
+    /// Unit shading normal on the viewer's side, after normal maps.
+    pub n: Vec3,
+    /// Unit, to the viewer.
+    pub wo: Vec3,
+    /// How it reflects.
+    pub bsdf: Bsdf,
+    /// Radiance emitted towards the viewer.
+    pub emission: Spectrum,
+    /// Fraction of the surface that is there (blended alpha).
+    pub coverage: f32,
+}
+
+/// The maps of a material, read at one point.
+struct At<'a> {
+    world: &'a World,
+    surface: &'a Surface,
+    vertex_color: Vec4,
+}
+
+impl At<'_> {
+    fn texel(&self, map: &TextureRef) -> [f32; 4] {
+        texture::sample(self.world.scene(), map, self.surface.uv(self.world, map.uv_set))
+    }
+}
+
+impl Lookup for At<'_> {
+    fn color(&self, map: &ColorMap) -> Spectrum {
+        map.texture.as_ref().map_or(map.factor, |t| {
+            let [r, g, b, _] = self.texel(t);
+            map.factor * Spectrum::new(r, g, b)
+        })
+    }
+
+    fn scalar(&self, map: &ScalarMap) -> f32 {
+        map.texture.as_ref().map_or(map.factor, |t| map.factor * self.texel(t)[usize::from(map.channel & 3)])
+    }
+
+    fn vertex_color(&self) -> Spectrum {
+        Spectrum::new(self.vertex_color.x, self.vertex_color.y, self.vertex_color.z)
+    }
+}
+
+impl World {
+    /// Everything about a surface seen along `wo` (unit, to the viewer).
+    pub fn shading(&self, surface: &Surface, wo: Vec3) -> Shading {
+        let material = self.material_at(surface);
+        let at = At { world: self, surface, vertex_color: surface.vertex_color(self) };
+        let front = surface.is_front(wo);
+        let mut n = surface.n;
+        if let Some(map) = &material.normal_map {
+            n = self.mapped_normal(surface, map, n);
+        }
+        if !front {
+            n = -n;
+        }
+        let emission = if front || material.two_sided { at.color(&material.emission) } else { Spectrum::BLACK };
+        let coverage = match material.alpha.mode {
+            AlphaMode::Blend => (at.scalar(&material.alpha.value) * at.vertex_color.w).clamp(0.0, 1.0),
+            AlphaMode::Opaque | AlphaMode::Mask { .. } => 1.0,
+        };
+        Shading { n, wo, bsdf: Bsdf::resolve(material, &at), emission, coverage }
+    }
+
+    /// The nearest surface on a ray that a mask does not cut away.
+    pub fn closest_visible(&self, ray: &Ray) -> Option<(Hit, Surface)> {
+        let hit = if self.has_masks() {
+            self.accel().closest_where(ray, &mut |hit| self.is_there(&self.surface(ray, hit)))?
+        } else {
+            self.accel().closest(ray)?
+        };
+        Some((hit, self.surface(ray, &hit)))
+    }
+
+    /// The fraction of light that passes along a segment, straight through everything transparent.
+    pub fn transmittance(&self, segment: &Ray, n_rays: &mut u64) -> Spectrum {
+        *n_rays += 1;
+        let opaque = |surface: &Surface| !self.may_be_transparent(surface.material);
+        if !self.has_transparency() {
+            return if self.accel().occluded(segment) { Spectrum::BLACK } else { Spectrum::WHITE };
+        }
+        // What is opaque decides without order; only when nothing is, the rest is walked through from front to back.
+        let mut met_transparent = false;
+        let blocked = self.accel().occluded_where(segment, &mut |hit| {
+            let surface = self.surface(segment, hit);
+            let blocks = opaque(&surface);
+            met_transparent |= !blocks;
+            blocks
+        });
+        if blocked {
+            return Spectrum::BLACK;
+        }
+        let mut passed = Spectrum::WHITE;
+        if !met_transparent {
+            return passed;
+        }
+        let end = segment.at(segment.t_max);
+        let mut ray = *segment;
+        for _ in 0..MAX_LAYERS {
+            *n_rays += 1;
+            let Some((_, surface)) = self.closest_visible(&ray) else { return passed };
+            let shading = self.shading(&surface, -segment.dir.normalize());
+            let glass = shading.bsdf.transmission().map_or(Spectrum::BLACK, |t| t.weight);
+            passed = passed * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
+            if passed.is_black() {
+                return passed;
+            }
+            // The segment's end stays where it was, though the start moves.
+            ray = if segment.t_max.is_finite() {
+                let onward = surface.segment_to(end);
+                if onward.dir.dot(segment.dir) <= 0.0 {
+                    return passed;
+                }
+                onward
+            } else {
+                surface.ray(segment.dir)
+            };
+        }
+        Spectrum::BLACK
+    }
+
+    /// What a ray that leaves the scene meets: the environment if it may be seen, else the background.
+    pub fn background(&self, dir: Vec3, from_camera: bool) -> Spectrum {
+        match self.sky() {
+            Some(sky) if !from_camera || self.scene().environment.as_ref().is_some_and(|e| e.visible) => sky.radiance(dir),
+            _ => self.scene().background,
+        }
+    }
+
+    /// False where a mask cuts a surface away.
+    fn is_there(&self, surface: &Surface) -> bool {
+        let alpha = &self.material_at(surface).alpha;
+        let AlphaMode::Mask { cutoff } = alpha.mode else { return true };
+        let at = At { world: self, surface, vertex_color: surface.vertex_color(self) };
+        at.scalar(&alpha.value) * at.vertex_color.w >= cutoff
+    }
+
+    /// The emitted radiance at a point of the surface, on the side that emits.
+    pub(crate) fn emission_at(&self, surface: &Surface) -> Spectrum {
+        let at = At { world: self, surface, vertex_color: Vec4::ONE };
+        at.color(&self.material_at(surface).emission)
+    }
+
+    /// Pixels across and down; a procedure counts as a fine picture.
+    fn texture_size(&self, id: TextureId) -> (u32, u32) {
+        match self.scene().textures[id.index()].source {
+            TextureSource::Image(id) => {
+                let image = &self.scene().images[id.index()];
+                (image.width, image.height)
+            }
+            TextureSource::Checker { .. } => (1024, 1024),
+        }
+    }
+
+    /// The shading normal a map gives, on the front side; the unmapped one where there are no tangents to be had.
+    fn mapped_normal(&self, surface: &Surface, map: &NormalMap, n: Vec3) -> Vec3 {
+        let Some((t, b)) = self.tangents(surface, &map.texture, n) else { return n };
+        let uv = surface.uv(self, map.texture.uv_set);
+        let read = |uv: Vec2| texture::sample(self.scene(), &map.texture, uv);
+        let local = if map.is_height {
+            // Central differences one texel wide, the height in the units of one picture width: the convention of MTL's bump maps.
+            let (w, h) = self.texture_size(map.texture.texture);
+            let (du, dv) = (1.0 / w as f32, 1.0 / h as f32);
+            let height = |u: f32, v: f32| read(uv + Vec2::new(u, v))[0];
+            let slope_u = (height(du, 0.0) - height(-du, 0.0)) * 0.5;
+            let slope_v = (height(0.0, dv) - height(0.0, -dv)) * 0.5;
+            // v runs down the picture, the bitangent up.
+            Vec3::new(-slope_u * map.scale, slope_v * map.scale, 0.2)
+        } else {
+            let [x, y, z, _] = read(uv);
+            Vec3::new((2.0 * x - 1.0) * map.scale, (2.0 * y - 1.0) * map.scale, 2.0 * z - 1.0)
+        };
+        (t * local.x + b * local.y + n * local.z).try_normalize().unwrap_or(n)
+    }
+
+    /// Unit tangent (towards +u) and bitangent (up the picture) at a point.
+    fn tangents(&self, surface: &Surface, map: &TextureRef, n: Vec3) -> Option<(Vec3, Vec3)> {
+        let Geometry::Mesh(id) = self.scene().instances[surface.instance.index()].geometry else {
+            let frame = Frame::from_normal(n);
+            return Some((frame.s, frame.t));
+        };
+        let mesh = &self.scene().meshes[id.index()];
+        let tri = mesh.triangles[surface.primitive as usize];
+        let linear = self.scene().instances[surface.instance.index()].transform.matrix3;
+        if map.uv_set == 0
+            && let Some(tangents) = &mesh.tangents
+        {
+            let w = surface.weights;
+            let t = tangents[tri[0] as usize] * w[0] + tangents[tri[1] as usize] * w[1] + tangents[tri[2] as usize] * w[2];
+            let along = (linear * t.truncate().as_dvec3()).as_vec3();
+            let along = (along - n * n.dot(along)).try_normalize()?;
+            let mirrored = if self.is_mirrored(surface.instance) { -1.0 } else { 1.0 };
+            return Some((along, n.cross(along) * t.w.signum() * mirrored));
+        }
+        // From the texture coordinates: solve for the directions in which u and v grow.
+        let uvs = mesh.uvs.get(map.uv_set as usize)?;
+        let uv = tri.map(|i| {
+            let uv = uvs[i as usize];
+            map.transform.map_or(uv, |t| t.apply(uv)).as_dvec2()
+        });
+        let p = tri.map(|i| linear * mesh.positions[i as usize]);
+        let (e1, e2, d1, d2) = (p[1] - p[0], p[2] - p[0], uv[1] - uv[0], uv[2] - uv[0]);
+        let det = d1.x * d2.y - d1.y * d2.x;
+        let along_u = ((e1 * d2.y - e2 * d1.y) * det.signum()).as_vec3();
+        let along_v = ((e2 * d1.x - e1 * d2.x) * det.signum()).as_vec3();
+        let t = (along_u - n * n.dot(along_u)).try_normalize()?;
+        let b = n.cross(t);
+        // v runs down the picture, so the bitangent is against it.
+        Some((t, if b.dot(along_v) > 0.0 { -b } else { b }))
+    }
+}

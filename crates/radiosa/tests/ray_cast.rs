@@ -1,0 +1,159 @@
+//! What ray casting promises as a whole: the same bits at any thread count, the same picture at any scale and place, layers that sum to the
+//! picture, and nothing black that should be lit.
+
+use radiosa::film::{Decomposition, Film, Filter, Layer};
+use radiosa::import::sample;
+use radiosa::math::{CpuPath, DAffine3, DMat3, DVec3};
+use radiosa::raytrace::{RayCast, ray_cast, tiles};
+use radiosa::scene::{
+    Alpha, AlphaMode, ColorMap, Geometry, Instance, Material, MaterialId, Mesh, Model, Phong, ScalarMap, Scene,
+};
+use radiosa::spectrum::Spectrum;
+use radiosa::transport::{Solver, Step, View, World, default_light, framing};
+use radiosa_testkit::image::rel_mse;
+
+const SIZE: u32 = 96;
+
+fn built_in(name: &str) -> Scene {
+    sample::load(name).unwrap_or_else(|| panic!("{name} is built in"))
+}
+
+fn render(scene: Scene, spp: u32, path: CpuPath) -> Film {
+    let world = World::prepare(scene, path).expect("the scene is valid");
+    let camera = world.scene().cameras.first().cloned().unwrap_or_else(|| framing::automatic(&world, 1.0));
+    let view = View::new(&camera, world.origin(), SIZE, SIZE);
+    let extra_lights = default_light::for_dark_scene(&world, &camera);
+    let settings = ray_cast::Settings { extra_lights, ..ray_cast::Settings::default() };
+    let method = RayCast::new(&world, &settings, view.forward());
+    let settings = tiles::Settings { width: SIZE, height: SIZE, spp, filter: Filter::Box, seed: 7, layers: Layer::ALL.to_vec() };
+    let mut render = tiles::TiledRender::new(&method, &view, settings).expect("the film is small");
+    while let Step::Working { .. } = render.step(&world) {}
+    render.into_film()
+}
+
+fn colors(film: &Film) -> Vec<f32> {
+    (0..SIZE * SIZE).flat_map(|i| film.color(i % SIZE, i / SIZE).to_array()).collect()
+}
+
+#[test]
+fn the_bits_do_not_depend_on_the_number_of_threads() {
+    let with = |n: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads can be had");
+        pool.install(|| render(built_in("room"), 2, CpuPath::detect()))
+    };
+    let one = with(1);
+    for n in [2, 3, 7] {
+        let other = with(n);
+        for (a, b) in one.planes().iter().zip(other.planes()) {
+            let same = a.values.iter().zip(&b.values).all(|(x, y)| x.to_bits() == y.to_bits());
+            assert!(same, "{} differs between 1 and {n} threads", a.name);
+        }
+    }
+}
+
+#[test]
+fn a_box_scaled_by_a_million_either_way_shows_the_same_picture() {
+    let reference = colors(&render(built_in("cornell-box"), 1, CpuPath::detect()));
+    for exponent in [-6, -3, -1, 1, 3, 6] {
+        let scale = 10f64.powi(exponent);
+        let mut scene = built_in("cornell-box");
+        scene.transform(DMat3::IDENTITY, scale);
+        let error = rel_mse(&colors(&render(scene, 1, CpuPath::detect())), &reference);
+        assert!(error < 1e-4, "scaled by {scale}: relMSE {error}");
+    }
+}
+
+#[test]
+fn a_box_far_from_the_origin_shows_the_same_picture() {
+    let reference = colors(&render(built_in("cornell-box"), 1, CpuPath::detect()));
+    let mut scene = built_in("cornell-box");
+    let far = DVec3::new(4e5, -7e4, 2e6);
+    for instance in &mut scene.instances {
+        instance.transform = DAffine3::from_translation(far) * instance.transform;
+    }
+    for camera in &mut scene.cameras {
+        camera.position += far;
+    }
+    let error = rel_mse(&colors(&render(scene, 1, CpuPath::detect())), &reference);
+    assert!(error < 1e-4, "relMSE {error}");
+}
+
+#[test]
+fn the_portable_path_shows_the_same_picture_as_the_fast_one() {
+    let fast = colors(&render(built_in("room"), 1, CpuPath::detect()));
+    let error = rel_mse(&colors(&render(built_in("room"), 1, CpuPath::Portable)), &fast);
+    assert!(error < 1e-4, "relMSE {error}");
+}
+
+#[test]
+fn both_decompositions_sum_to_the_picture_in_every_built_in_scene() {
+    for scene in sample::list() {
+        let film = render(built_in(scene.name), 2, CpuPath::detect());
+        for kind in [Decomposition::Lobe, Decomposition::Path] {
+            let error = film.decomposition_error(kind).expect("all layers are kept");
+            assert!(error < 1e-5, "{} by {kind:?}: {error}", scene.name);
+        }
+    }
+}
+
+/// Two parallel squares seen head-on; the nearer one's material is `front`, what lies behind glows with radiance 2.
+fn before_a_glow(front: Material) -> Scene {
+    let mut scene = Scene::new("squares");
+    let glow = Material { emission: ColorMap::constant(Spectrum::gray(2.0)), ..Material::lambert("glow", Spectrum::BLACK) };
+    scene.materials = vec![front, glow];
+    let corner = |x, y| DVec3::new(x, y, 0.0);
+    scene.meshes.push(Mesh {
+        positions: vec![corner(-9.0, -9.0), corner(9.0, -9.0), corner(9.0, 9.0), corner(-9.0, 9.0)],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Mesh::default()
+    });
+    for (material, z) in [(0, 0.0), (1, -3.0)] {
+        scene.instances.push(Instance {
+            name: String::new(),
+            geometry: Geometry::Mesh(radiosa::scene::MeshId(0)),
+            transform: DAffine3::from_translation(DVec3::Z * z),
+            material: Some(MaterialId(material)),
+            node: None,
+        });
+    }
+    scene
+}
+
+fn centre_of(scene: Scene) -> Spectrum {
+    let mut scene = scene;
+    let ahead = radiosa::scene::Projection::Perspective { fov_y: 0.5 };
+    scene.cameras.push(radiosa::scene::Camera::look_at("main", DVec3::Z * 5.0, DVec3::ZERO, DVec3::Y, ahead));
+    render(scene, 1, CpuPath::detect()).color(SIZE / 2, SIZE / 2)
+}
+
+#[test]
+fn alpha_covers_the_fraction_it_says_and_masks_cut() {
+    let with = |mode, value| {
+        let alpha = Alpha { mode, value: ScalarMap::constant(value) };
+        centre_of(before_a_glow(Material { alpha, ..Material::lambert("front", Spectrum::BLACK) })).g
+    };
+    assert!((with(AlphaMode::Blend, 0.25) - 1.5).abs() < 1e-5);
+    assert!((with(AlphaMode::Blend, 0.0) - 2.0).abs() < 1e-5);
+    assert_eq!(with(AlphaMode::Opaque, 0.25), 0.0);
+    assert_eq!(with(AlphaMode::Mask { cutoff: 0.5 }, 0.6), 0.0);
+    assert_eq!(with(AlphaMode::Mask { cutoff: 0.5 }, 0.4), 2.0);
+}
+
+#[test]
+fn transmission_filters_what_lies_behind() {
+    let model = Model::Phong(Phong {
+        diffuse: ColorMap::constant(Spectrum::BLACK),
+        transmission: Spectrum::new(0.5, 0.25, 0.0),
+        ..Phong::default()
+    });
+    let seen = centre_of(before_a_glow(Material { model, ..Material::default() }));
+    assert!((seen.r - 1.0).abs() < 1e-5 && (seen.g - 0.5).abs() < 1e-5 && seen.b == 0.0, "{seen:?}");
+}
+
+#[test]
+fn a_scene_without_light_is_never_black() {
+    let mut scene = before_a_glow(Material::lambert("front", Spectrum::gray(0.5)));
+    scene.materials[1] = Material::lambert("back", Spectrum::gray(0.5));
+    let seen = centre_of(scene);
+    assert!(seen.g > 0.2 && seen.g < 1.0, "{seen:?}");
+}
