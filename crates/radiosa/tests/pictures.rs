@@ -1,4 +1,4 @@
-//! Pictures come back from files as they were written.
+//! Pictures come back from files as they were written, by us and by others.
 
 use std::path::{Path, PathBuf};
 
@@ -9,6 +9,7 @@ use radiosa::import::{Location, decode_picture};
 use radiosa::math::Vec3;
 use radiosa::scene::{Image, Pixels};
 use radiosa::spectrum::Spectrum;
+use radiosa_testkit::shared_dir;
 
 const ALLOWED: u64 = 1 << 30;
 
@@ -238,4 +239,275 @@ fn a_new_picture_has_the_permissions_any_new_file_has() {
     write(&film(2, 2), &folder.path("x.png"), Options::default());
     let mode = |p: &Path| std::fs::metadata(p).unwrap().permissions().mode() & 0o777;
     assert_eq!(mode(&folder.path("x.png")), mode(&plain));
+}
+
+// ---- Radiance pictures ----
+
+fn floats(image: &Image) -> &[f32] {
+    match &image.pixels {
+        Pixels::Rgba32F(values) => values,
+        other => panic!("{} should be floats, not {other:?}", image.name),
+    }
+}
+
+/// Two columns, three rows, all different: the red mantissas 1 to 6 of exponent 136, so the values are 1 to 6.
+fn small_hdr(header: &str, axes: &str) -> Vec<u8> {
+    let mut bytes = format!("#?RADIANCE\n{header}\n{axes}\n").into_bytes();
+    (1..=6).for_each(|i| bytes.extend([i, 0, 0, 136]));
+    bytes
+}
+
+fn reds(bytes: &[u8]) -> (u32, u32, Vec<f32>) {
+    let image = decode(bytes);
+    (image.width, image.height, floats(&image).chunks_exact(4).map(|p| p[0]).collect())
+}
+
+#[test]
+fn every_order_of_scan_lines_comes_out_upright() {
+    let at = |axes: &str| reds(&small_hdr("FORMAT=32-bit_rle_rgbe\n", axes));
+    // The file holds 1 2 / 3 4 / 5 6 in its own order.
+    assert_eq!(at("-Y 3 +X 2"), (2, 3, vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
+    assert_eq!(at("+Y 3 +X 2"), (2, 3, vec![5.0, 6.0, 3.0, 4.0, 1.0, 2.0]));
+    assert_eq!(at("-Y 3 -X 2"), (2, 3, vec![2.0, 1.0, 4.0, 3.0, 6.0, 5.0]));
+    assert_eq!(at("+Y 3 -X 2"), (2, 3, vec![6.0, 5.0, 4.0, 3.0, 2.0, 1.0]));
+    // Columns first: three columns of two.
+    assert_eq!(at("+X 3 -Y 2"), (3, 2, vec![1.0, 3.0, 5.0, 2.0, 4.0, 6.0]));
+    assert_eq!(at("-X 3 -Y 2"), (3, 2, vec![5.0, 3.0, 1.0, 6.0, 4.0, 2.0]));
+    assert_eq!(at("+X 3 +Y 2"), (3, 2, vec![2.0, 4.0, 6.0, 1.0, 3.0, 5.0]));
+    assert_eq!(at("-X 3 +Y 2"), (3, 2, vec![6.0, 4.0, 2.0, 5.0, 3.0, 1.0]));
+}
+
+#[test]
+fn exposures_and_colour_corrections_are_divided_out() {
+    let header = "EXPOSURE=4\n EXPOSURE=100\nFORMAT=32-bit_rle_rgbe\nEXPOSURE= 0.5\nCOLORCORR=2 1 1\n";
+    // 4 · 0.5 · 2 in red; the indented line tells of a picture this one was made from.
+    assert_eq!(reds(&small_hdr(header, "-Y 3 +X 2")).2[3], 1.0);
+    for bad in ["EXPOSURE=0\n", "EXPOSURE=-1\n", "EXPOSURE=nan\n", "EXPOSURE=x\n", "FORMAT=16-bit\n"] {
+        assert!(decode_picture(&small_hdr(bad, "-Y 3 +X 2"), &Location::default(), ALLOWED).is_err(), "{bad}");
+    }
+}
+
+#[test]
+fn pixels_in_xyz_become_rgb_with_white_as_white() {
+    let mut bytes = b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n".to_vec();
+    bytes.extend([128, 128, 128, 129]);
+    let image = decode(&bytes);
+    for c in &floats(&image)[..3] {
+        assert!((c - 1.0).abs() < 1e-5, "{c}");
+    }
+}
+
+#[test]
+fn runs_of_the_old_kind_repeat_the_last_pixel_with_growing_counts() {
+    let mut bytes = b"#?RADIANCE\n\n-Y 1 +X 300\n".to_vec();
+    // One pixel, then 43 + 1 · 256 more.
+    bytes.extend([9, 0, 0, 136, 1, 1, 1, 43, 1, 1, 1, 1]);
+    assert_eq!(reds(&bytes).2, vec![9.0; 300]);
+    // A run past the end of the line, and one with nothing before it.
+    let last = bytes.len() - 1;
+    bytes[last] = 2;
+    assert!(decode_picture(&bytes, &Location::default(), ALLOWED).is_err());
+    let nothing = [b"#?RADIANCE\n\n-Y 1 +X 300\n".as_slice(), &[1, 1, 1, 200]].concat();
+    assert!(decode_picture(&nothing, &Location::default(), ALLOWED).is_err());
+}
+
+#[test]
+fn radiance_pictures_of_others_agree_with_an_independent_reader() {
+    let Some(shared) = shared_dir() else {
+        eprintln!("skipped: the shared collection of pictures is not there");
+        return;
+    };
+    let mut n = 0;
+    for folder in ["environments", "environments/hdr-format"] {
+        for entry in std::fs::read_dir(shared.join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_none_or(|e| e != "hdr") {
+                continue;
+            }
+            let bytes = std::fs::read(&path).unwrap();
+            let ours = decode(&bytes);
+            // The other reader leaves exposure in; the files say what it is.
+            let head = String::from_utf8_lossy(&bytes[..bytes.len().min(1000)]).into_owned();
+            let exposure: f32 = head
+                .lines()
+                .take_while(|l| !l.is_empty())
+                .filter_map(|l| l.strip_prefix("EXPOSURE="))
+                .map(|v| v.trim().parse::<f32>().unwrap())
+                .product();
+            let theirs = ::image::codecs::hdr::HdrDecoder::new(std::io::Cursor::new(&bytes)).unwrap();
+            let theirs = ::image::DynamicImage::from_decoder(theirs).unwrap().into_rgb32f();
+            assert_eq!((ours.width, ours.height), theirs.dimensions(), "{}", path.display());
+            for (a, b) in floats(&ours).chunks_exact(4).zip(theirs.pixels()) {
+                for (a, b) in a.iter().zip(b.0) {
+                    assert!((a * exposure - b).abs() <= 1e-6 * b.abs(), "{}: {a} {b}", path.display());
+                }
+            }
+            n += 1;
+        }
+    }
+    assert!(n >= 20, "{n}");
+}
+
+// ---- OpenEXR pictures of others ----
+
+fn shared_exr(name: &str) -> Option<Image> {
+    let path = shared_dir()?.join("environments/exr").join(name);
+    let bytes = std::fs::read(path).ok()?;
+    Some(decode_picture(&bytes, &Location::file(name), ALLOWED).unwrap_or_else(|e| panic!("{name}: {e}")))
+}
+
+#[test]
+fn cube_environments_match_the_same_scene_in_latitude_and_longitude() {
+    for (cube, flat) in [("WavyLinesCube.exr", "WavyLinesLatLong.exr"), ("OrientationCube.exr", "OrientationLatLong.exr")] {
+        let (Some(cube), Some(flat)) = (shared_exr(cube), shared_exr(flat)) else {
+            eprintln!("skipped: {cube} is not there");
+            continue;
+        };
+        let (a, b) = (floats(&cube), floats(&flat));
+        let step = cube.width / flat.width;
+        assert_eq!((cube.width, cube.height), (flat.width * step, flat.height * step));
+        // Means over squares of 16 pixels of the flat picture: lines are drawn in both, but not sampled alike.
+        let n = 16;
+        let (mut error, mut total) = (0.0, 0.0);
+        for y in (0..flat.height).step_by(n as usize) {
+            for x in (0..flat.width).step_by(n as usize) {
+                let mean = |v: &[f32], width: u32, n: u32, x: u32, y: u32| -> f32 {
+                    let pixels = (y..y + n).flat_map(|y| (x..x + n).map(move |x| (4 * (y * width + x)) as usize));
+                    pixels.map(|i| v[i] + v[i + 1] + v[i + 2]).sum::<f32>() / (n * n) as f32
+                };
+                let m = mean(b, flat.width, n, x, y);
+                error += (mean(a, cube.width, n * step, x * step, y * step) - m).abs();
+                total += m;
+            }
+        }
+        assert!(error < 0.05 * total, "{}: {}", cube.name, error / total);
+    }
+}
+
+#[test]
+fn luminance_alone_is_grey_and_with_chroma_is_colour() {
+    let Some(garden) = shared_exr("Garden.exr") else {
+        eprintln!("skipped: Garden.exr is not there");
+        return;
+    };
+    assert_eq!((garden.width, garden.height), (874, 493));
+    assert!(floats(&garden).chunks_exact(4).all(|p| p[0] == p[1] && p[1] == p[2] && p[3] == 1.0));
+    let chroma = shared_exr("Rec709_YC.exr").expect("beside the other");
+    assert_eq!((chroma.width, chroma.height), (610, 406));
+    // The picture shows flowers and leaves: much of it is clearly coloured, little of it is impossible.
+    let values = floats(&chroma);
+    let n = values.len() / 4;
+    let coloured = values.chunks_exact(4).filter(|p| (p[0] - p[2]).abs() > 0.2 * p[1].abs()).count();
+    let negative = values.chunks_exact(4).filter(|p| p[..3].iter().any(|&c| c < -0.02)).count();
+    assert!(coloured > n / 10 && negative < n / 50, "{coloured} coloured and {negative} negative of {n}");
+}
+
+#[test]
+fn the_display_window_is_what_is_shown() {
+    let (Some(plain), Some(larger), Some(apart)) = (shared_exr("t01.exr"), shared_exr("t07.exr"), shared_exr("t12.exr")) else {
+        eprintln!("skipped: t01.exr and its like are not there");
+        return;
+    };
+    assert_eq!((plain.width, plain.height), (400, 300));
+    // Forty pixels more on the left and top: nothing there, then the picture.
+    assert_eq!((larger.width, larger.height), (481, 371));
+    let (a, b) = (floats(&plain), floats(&larger));
+    assert_eq!(b[..4], [0.0; 4]);
+    let at = |x: usize, y: usize| 4 * ((y + 40) * 481 + x + 40);
+    for (x, y) in [(0, 0), (399, 0), (123, 45), (399, 299)] {
+        assert_eq!(a[4 * (y * 400 + x)..][..4], b[at(x, y)..][..4]);
+    }
+    // A display window beside the picture shows nothing of it, so the picture itself is taken.
+    assert_eq!((apart.width, apart.height), (400, 300));
+}
+
+#[test]
+fn environments_of_others_decode_to_plausible_light() {
+    for (name, size) in [("sky.exr", (1024, 512)), ("studiolights.exr", (512, 256))] {
+        let Some(image) = shared_exr(name) else {
+            eprintln!("skipped: {name} is not there");
+            continue;
+        };
+        assert_eq!((image.width, image.height), size);
+        let values = floats(&image);
+        assert!(values.iter().all(|v| v.is_finite()));
+        assert!(values.chunks_exact(4).any(|p| p[1] > 0.5));
+    }
+}
+
+/// Writes an EXR of the given channels with the crate directly, for what our own writer does not make.
+fn foreign_exr(channels: &[(&str, f32)]) -> Vec<u8> {
+    use exr::prelude::*;
+    let list = channels.iter().map(|&(name, v)| AnyChannel::new(name, FlatSamples::F32(vec![v; 6]))).collect();
+    let layer = Layer::new((3, 2), LayerAttributes::named(""), Encoding::FAST_LOSSLESS, AnyChannels::sort(list));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    Image::from_layer(layer).write().to_buffered(&mut bytes).unwrap();
+    bytes.into_inner()
+}
+
+#[test]
+fn the_first_usable_group_of_channels_is_taken() {
+    let first = |channels: &[(&str, f32)]| floats(&decode(&foreign_exr(channels)))[..4].to_vec();
+    assert_eq!(first(&[("R", 1.0), ("G", 2.0), ("B", 3.0), ("Z", 9.0), ("sun.R", 7.0)]), [1.0, 2.0, 3.0, 1.0]);
+    assert_eq!(first(&[("view.R", 1.0), ("view.G", 2.0), ("view.B", 3.0), ("view.A", 0.5), ("Z", 9.0)]), [1.0, 2.0, 3.0, 0.5]);
+    assert_eq!(first(&[("Y", 4.0)]), [4.0, 4.0, 4.0, 1.0]);
+    assert_eq!(first(&[("R", f32::NAN), ("G", f32::INFINITY), ("B", -1.0)]), [0.0, 65_504.0, -1.0, 1.0]);
+    let none = decode_picture(&foreign_exr(&[("Z", 1.0), ("id", 1.0)]), &Location::default(), ALLOWED).unwrap_err();
+    assert!(none.to_string().contains("Z, id"), "{none}");
+}
+
+// ---- Limits and refusals ----
+
+#[test]
+fn a_picture_over_the_budget_is_refused_by_its_size() {
+    let folder = Folder::new();
+    let film = film(200, 100);
+    for ending in Format::ENDINGS {
+        let bytes = write(&film, &folder.path(&format!("x.{ending}")), Options::default());
+        let refused = decode_picture(&bytes, &Location::file("x"), 100_000).unwrap_err().to_string();
+        assert!(refused.contains("200x100"), "{refused}");
+    }
+}
+
+#[test]
+fn other_kinds_of_picture_are_named_in_the_refusal() {
+    for (bytes, name) in [
+        (b"BM\0\0".as_slice(), "BMP"),
+        (b"DDS |\0\0\0", "DDS"),
+        (b"\xabKTX 20\xbb\r\n", "KTX2"),
+        (b"GIF89a", "GIF"),
+        (b"II*\0", "TIFF"),
+        (b"\0\0\x01\0", "ICO"),
+        (b"version https://git-lfs.github.com/spec/v1", "Git LFS"),
+        (b"", "empty"),
+        (b"hello", "no picture of a known kind"),
+    ] {
+        let error = decode_picture(bytes, &Location::file("a.png"), ALLOWED).unwrap_err();
+        assert!(error.to_string().contains(name), "{error}");
+        assert!(error.help().contains("PNG, JPEG"), "{}", error.help());
+    }
+}
+
+#[test]
+fn known_pixels_of_the_png_suite_have_their_known_values() {
+    let Some(folder) = shared_dir().map(|d| d.join("hostile/png/pngsuite-valid")) else {
+        eprintln!("skipped: the shared collection of pictures is not there");
+        return;
+    };
+    let first = |name: &str| -> Vec<u16> {
+        match &decode(&std::fs::read(folder.join(name)).unwrap()).pixels {
+            Pixels::Rgba8(v) => v[..4].iter().map(|&b| b.into()).collect(),
+            Pixels::Rgba16(v) => v[..4].to_vec(),
+            Pixels::Rgba32F(_) => panic!("{name}"),
+        }
+    };
+    // As an inflated first row says by hand: 1 and 8 bits of grey, colour, alpha, 16 bits; gamma chunks change nothing.
+    assert_eq!(first("basn0g01.png"), [255, 255, 255, 255]);
+    assert_eq!(first("basn0g08.png"), [0, 0, 0, 255]);
+    assert_eq!(first("basn2c08.png"), [255, 255, 255, 255]);
+    assert_eq!(first("basn6a08.png"), [255, 0, 8, 0]);
+    assert_eq!(first("basn2c16.png"), [65_535, 65_535, 0, 65_535]);
+    assert_eq!(first("g03n2c08.png"), first("g07n2c08.png"));
+    // A palette's transparent entry.
+    assert_eq!(first("tbbn3p08.png")[3], 0);
 }

@@ -73,22 +73,21 @@ struct Window {
 /// Reads one.
 pub(super) fn read(source: &Source) -> Result<Picture, ImportError> {
     let damaged = |e: exr::error::Error| source.damaged(e);
-    let reader = Reader::read_from_buffered(Cursor::new(source.bytes), false).map_err(damaged)?;
-    let selection = select(source, reader.headers())?;
-    let header = reader.headers()[selection.part].clone();
+    let meta = MetaData::read_from_buffered(source.bytes, true).map_err(damaged)?;
+    let selection = select(source, &meta.headers)?;
+    let header = meta.headers[selection.part].clone();
     let data = Window {
         x: header.own_attributes.layer_position.x().into(),
         y: header.own_attributes.layer_position.y().into(),
         width: header.layer_size.width(),
         height: header.layer_size.height(),
     };
-    let view = check(source, reader.headers(), &header, data)?;
+    let view = check(source, &meta.headers, &header, data)?;
     let is_subsampled = header.channels.list.iter().any(|c| c.sampling != Vec2(1, 1));
+    let chunks = if is_subsampled { subsampled::chunks(source, &meta)? } else { chunks(source, selection.part)? };
 
     let mut picture = Planes::new(data, &header, &selection.roles);
-    let chunks = chunks(source, reader, selection.part)?;
-    let meta = MetaData { requirements: chunks.1.requirements, headers: chunks.1.headers };
-    for batch in chunks.0.chunks(N_BLOCKS_AT_ONCE) {
+    for batch in chunks.chunks(N_BLOCKS_AT_ONCE) {
         let blocks: Vec<_> = batch
             .par_iter()
             .map(|chunk| if is_subsampled { subsampled::decompress(chunk, &header) } else { decompress(chunk, &meta) })
@@ -195,7 +194,8 @@ fn check(source: &Source, headers: &[Header], header: &Header, data: Window) -> 
         height: shown.size.height(),
     };
     // A display window without pixels, or far larger than the picture, or beside it, is a mistake: what there is will do.
-    let is_small = (view.width as u64).saturating_mul(view.height as u64) <= 64 * (data.width as u64 * data.height as u64);
+    let is_small =
+        (view.width as u64).saturating_mul(view.height as u64) <= (data.width as u64 * data.height as u64).saturating_mul(64);
     if view.width == 0 || view.height == 0 || !is_small || is_cube || !data.overlaps(view) {
         return Ok(data);
     }
@@ -211,23 +211,32 @@ impl Window {
 }
 
 /// Reads the compressed blocks of a part at its largest resolution.
-fn chunks(source: &Source, reader: Reader<Cursor<&[u8]>>, part: usize) -> Result<(Vec<Chunk>, MetaData), ImportError> {
-    let headers = reader.headers().to_vec();
-    let requirements = reader.meta_data().requirements;
+fn chunks(source: &Source, part: usize) -> Result<Vec<Chunk>, ImportError> {
+    let damaged = |e: exr::error::Error| source.damaged(e);
+    let reader = Reader::read_from_buffered(Cursor::new(source.bytes), false).map_err(damaged)?;
     let wanted = |_: &MetaData, _, block: BlockIndex| block.layer == part && block.level == Vec2(0, 0);
-    let blocks = reader.filter_chunks(false, wanted).map_err(|e| source.damaged(e))?;
+    let blocks = reader.filter_chunks(false, wanted).map_err(damaged)?;
+    bounded(source, part, blocks)
+}
+
+/// Takes blocks until they come to more than the file: a table that names the same block again and again could make a small
+/// file take long.
+fn bounded(
+    source: &Source,
+    part: usize,
+    blocks: impl Iterator<Item = exr::error::Result<Chunk>>,
+) -> Result<Vec<Chunk>, ImportError> {
     let mut chunks = Vec::new();
     let mut total = 0;
     for chunk in blocks {
         let chunk = chunk.map_err(|e| source.damaged(e))?;
         total += size_of_data(&chunk);
-        // A table that names the same block again and again could make a small file take long.
         if total > source.bytes.len() || chunk.layer_index != part {
             return Err(source.damaged("its table of blocks is wrong"));
         }
         chunks.push(chunk);
     }
-    Ok((chunks, MetaData { requirements, headers: headers.into() }))
+    Ok(chunks)
 }
 
 fn size_of_data(chunk: &Chunk) -> usize {
@@ -422,13 +431,62 @@ impl Rgba {
     }
 }
 
-/// Blocks whose channels have fewer samples than the picture has pixels.
+/// Pictures whose channels have fewer samples than the picture has pixels. The crate decodes their blocks but refuses the files, so
+/// finding the blocks is done here; one part of scan lines only.
 mod subsampled {
-    use super::{Block, Chunk, Header, n_samples};
+    use super::{Block, Chunk, Header, ImportError, MetaData, Source, bounded, n_samples};
     use exr::block::chunk::CompressedBlock;
     use exr::error::{Error, Result};
+    use exr::meta::BlockDescription;
     use exr::meta::attribute::IntegerBounds;
     use exr::prelude::Vec2;
+
+    /// Reads the compressed blocks.
+    pub(super) fn chunks(source: &Source, meta: &MetaData) -> std::result::Result<Vec<Chunk>, ImportError> {
+        let [header] = meta.headers.as_slice() else {
+            return Err(source.unsupported("channels of several resolutions beside other parts", HELP));
+        };
+        if header.blocks != BlockDescription::ScanLines {
+            return Err(source.unsupported("tiles with channels of several resolutions", HELP));
+        }
+        // What the crate would check if it did not refuse.
+        let (position, size) = (header.own_attributes.layer_position, header.layer_size);
+        for channel in &header.channels.list {
+            let Vec2(x, y) = channel.sampling;
+            let divides = |step: usize, at: i32, n: usize| step > 0 && i64::from(at) % step as i64 == 0 && n.is_multiple_of(step);
+            if !divides(x, position.x(), size.width()) || !divides(y, position.y(), size.height()) {
+                return Err(source.damaged("its channels have resolutions that do not divide its size"));
+            }
+        }
+        let table = end_of_header(source.bytes)
+            .and_then(|at| source.bytes.get(at..))
+            .and_then(|rest| rest.as_chunks::<8>().0.get(..header.chunk_count))
+            .ok_or_else(|| source.damaged("its table of blocks is cut off"))?;
+        let blocks = table.iter().map(|offset| {
+            let at = usize::try_from(u64::from_le_bytes(*offset)).unwrap_or(usize::MAX);
+            let mut rest = source.bytes.get(at..).ok_or_else(|| Error::Invalid("block position".into()))?;
+            Chunk::read(&mut rest, meta)
+        });
+        bounded(source, 0, blocks)
+    }
+
+    const HELP: &str = "save the picture as R, G, B";
+
+    /// Where the attributes of a file of one part end: each is a name, a type, both ending in zero, a size and that many bytes; an
+    /// empty name ends the list.
+    fn end_of_header(bytes: &[u8]) -> Option<usize> {
+        let mut at = 8;
+        loop {
+            let name = bytes.get(at..)?.iter().position(|&b| b == 0)?;
+            at += name + 1;
+            if name == 0 {
+                return Some(at);
+            }
+            at += bytes.get(at..)?.iter().position(|&b| b == 0)? + 1;
+            let size = u32::from_le_bytes(*bytes.get(at..)?.first_chunk()?);
+            at = at.checked_add(4)?.checked_add(usize::try_from(size).ok()?)?;
+        }
+    }
 
     /// Decompresses a block of scan lines. The decoder takes a block to hold `bytes_per_pixel` for each of its pixels; telling it the
     /// mean over the pixels of this block makes that true.

@@ -1,0 +1,218 @@
+//! No picture, however malformed, panics, takes long or takes much memory.
+//!
+//! A counting allocator measures the peak of each file; the decoder's panics would be caught inside the library, so a hook
+//! counts them here.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+use radiosa::import::{Location, Options, decode_picture};
+use radiosa::scene::{Image, Pixels};
+use radiosa_testkit::shared_dir;
+
+/// Longest time for one file.
+const TIME: Duration = Duration::from_secs(2);
+/// Most memory for one file, bytes.
+const MEMORY: usize = 512 << 20;
+
+/// Passes everything on to the system and counts the bytes that are out.
+struct Counting;
+
+static IN_USE: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
+
+fn grow(n: usize) {
+    PEAK.fetch_max(IN_USE.fetch_add(n, Relaxed) + n, Relaxed);
+}
+
+#[expect(unsafe_code, reason = "an allocator is unsafe by contract; this one only counts")]
+// SAFETY: every call goes to `System` with the arguments it came with, so its contract is kept whenever ours is. The counters
+// do not allocate.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        grow(layout.size());
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        grow(layout.size());
+        // SAFETY: the caller keeps the contract of `alloc_zeroed`.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        IN_USE.fetch_sub(layout.size(), Relaxed);
+        // SAFETY: `pointer` came from `System` through `alloc` with this layout.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
+        grow(new_size);
+        IN_USE.fetch_sub(layout.size(), Relaxed);
+        // SAFETY: `pointer` came from `System` through `alloc` with this layout.
+        unsafe { System.realloc(pointer, layout, new_size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// The measurements are of the whole process, so tests take turns.
+static TURN: Mutex<()> = Mutex::new(());
+
+static N_PANICS: AtomicUsize = AtomicUsize::new(0);
+
+/// What happened with a folder of files.
+#[derive(Default)]
+struct Tally {
+    n_done: usize,
+    n_refused: usize,
+    slowest: Duration,
+    largest: usize,
+    faults: String,
+}
+
+impl Tally {
+    /// Runs one file and notes what it took; true when it was accepted.
+    fn run<T, E: std::fmt::Display>(&mut self, name: &Path, run: impl FnOnce() -> Result<T, E>) -> bool {
+        let before = IN_USE.load(Relaxed);
+        PEAK.store(before, Relaxed);
+        let panics = N_PANICS.load(Relaxed);
+        let start = Instant::now();
+        let result = run();
+        let took = start.elapsed();
+        let peak = PEAK.load(Relaxed).saturating_sub(before);
+        let n_panics = N_PANICS.load(Relaxed) - panics;
+        if std::env::var_os("RADIOSA_VERBOSE").is_some() {
+            let what = result.as_ref().map_or_else(ToString::to_string, |_| "ok".to_owned());
+            eprintln!("{took:>10.1?} {:>5} MiB {n_panics} {}: {what}", peak >> 20, name.display());
+        }
+        if n_panics > 0 || took > TIME || peak > MEMORY {
+            let _ = writeln!(self.faults, "{}: {took:?}, {} MiB, {n_panics} panics", name.display(), peak >> 20);
+        }
+        if let Err(e) = &result
+            && e.to_string().len() < 10
+        {
+            let _ = writeln!(self.faults, "{}: a message that says nothing: {e}", name.display());
+        }
+        self.slowest = self.slowest.max(took);
+        self.largest = self.largest.max(peak);
+        *if result.is_ok() { &mut self.n_done } else { &mut self.n_refused } += 1;
+        result.is_ok()
+    }
+
+    fn report(&self, what: &str) {
+        let Self { n_done, n_refused, slowest, largest, faults } = self;
+        eprintln!("{what}: {n_done} decoded, {n_refused} refused; slowest {slowest:.0?}, largest {} MiB", largest >> 20);
+        assert!(faults.is_empty(), "{what}:\n{faults}");
+    }
+}
+
+/// All regular files below a folder, sorted.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).unwrap().map(|e| e.unwrap().path()) {
+            if entry.is_dir() {
+                folders.push(entry);
+            } else if !entry.ends_with("SOURCE.md") {
+                found.push(entry);
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+fn with_shared(test: impl FnOnce(&Path)) {
+    let _turn = TURN.lock().unwrap_or_else(|e| e.into_inner());
+    match shared_dir() {
+        Some(shared) => test(&shared),
+        None => eprintln!("skipped: the shared collection of pictures is not there"),
+    }
+}
+
+fn count_panics() {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    ONCE.call_once(|| {
+        let old = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |info| {
+            N_PANICS.fetch_add(1, Relaxed);
+            old(info);
+        }));
+    });
+}
+
+fn decode(path: &Path, bytes: &[u8]) -> Result<Image, radiosa::import::ImportError> {
+    decode_picture(bytes, &Location::file(path), Options::default().max_memory)
+}
+
+#[test]
+fn no_hostile_picture_panics_or_takes_long_or_much_memory() {
+    count_panics();
+    with_shared(|shared| {
+        for kind in ["bmp-ico", "exr", "png", "jpeg", "webp"] {
+            let mut tally = Tally::default();
+            for path in files(&shared.join("hostile").join(kind)) {
+                let bytes = std::fs::read(&path).unwrap();
+                let accepted = tally.run(&path, || decode(&path, &bytes));
+                assert!(!(accepted && kind == "bmp-ico"), "{} is no picture we read", path.display());
+            }
+            tally.report(kind);
+        }
+    });
+}
+
+#[test]
+fn a_picture_cut_off_or_bent_anywhere_is_an_error_or_a_picture() {
+    count_panics();
+    with_shared(|shared| {
+        let mut tally = Tally::default();
+        let env = shared.join("environments");
+        let samples = [
+            env.join("hdr-format/old-rle.hdr"),
+            env.join("hdr-format/rgbr4x4.hdr"),
+            env.join("hdr-format/scale.hdr"),
+            env.join("exr/t01.exr"),
+            env.join("exr/studiolights.exr"),
+            shared.join("hostile/png/pngsuite-valid/basn6a16.png"),
+        ];
+        for path in samples.iter().filter(|p| p.exists()) {
+            let good = std::fs::read(path).unwrap();
+            for i in 0..40 {
+                let cut = good.len() * i / 40;
+                tally.run(path, || decode(path, &good[..cut]));
+                // A byte of the header turned into something else, then one anywhere.
+                for (k, span) in [(i * 7, good.len().min(400)), (i * 7919, good.len())] {
+                    for value in [0, 0x7f, 0xff] {
+                        let mut bent = good.clone();
+                        bent[k % span] = value;
+                        tally.run(path, || decode(path, &bent));
+                    }
+                }
+            }
+        }
+        tally.report("cut off and bent");
+    });
+}
+
+#[test]
+fn every_valid_png_of_the_suite_decodes_to_its_size() {
+    with_shared(|shared| {
+        let folder = shared.join("hostile/png/pngsuite-valid");
+        for path in files(&folder) {
+            let bytes = std::fs::read(&path).unwrap();
+            let image = decode(&path, &bytes).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+            let side = |at: usize| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
+            assert_eq!((image.width, image.height), (side(16), side(20)), "{}", path.display());
+            let is_deep = bytes[24] == 16;
+            assert_eq!(matches!(image.pixels, Pixels::Rgba16(_)), is_deep, "{}", path.display());
+        }
+    });
+}
