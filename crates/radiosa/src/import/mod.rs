@@ -2,7 +2,7 @@
 //!
 //! A reader never panics, hangs or allocates without bound whatever bytes it is given: sizes are checked against what the
 //! file really holds before anything is reserved, and decoders of other people that are known to panic are contained.
-//! To add a format: one module with a `read` of the same shape, one line in [`load`].
+//! To add a format: one module with a `read` of the same shape, one line in `reader`.
 
 mod error;
 mod gltf;
@@ -44,23 +44,41 @@ pub const ENDINGS: [&str; 4] = ["toml", "obj", "gltf", "glb"];
 /// # Errors
 /// When the file cannot be read, is malformed, or needs something unsupported; what is merely odd comes back as warnings.
 pub fn load(path: &Path, options: &Options) -> Result<(Scene, Vec<Warning>), ImportError> {
-    let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).unwrap_or_default();
-    let read: fn(&[u8], &Resolver, &mut Warnings) -> Result<Scene, ImportError> = match ending.as_str() {
-        "gltf" | "glb" => gltf::read,
-        "obj" => obj::read,
-        "toml" => scene_file::read,
-        _ => {
-            return Err(ImportError::Unsupported {
-                path: path.to_path_buf(),
-                feature: if ending.is_empty() { "a file ending".into() } else { format!("a reader for .{ending} files") },
-                help: format!("scenes end in .{}", ENDINGS.join(", .")),
-            });
-        }
-    };
+    let read = reader(path)?;
     let resolver = Resolver::new(path, options);
     let bytes = resolver.read_main()?;
+    finish(read, &bytes, &resolver)
+}
+
+/// Reads a scene from bytes as if they were the content of the file at `path`, which need not exist: its ending says the
+/// format, its folder is where other files are looked for.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_bytes(bytes: &[u8], path: &Path, options: &Options) -> Result<(Scene, Vec<Warning>), ImportError> {
+    finish(reader(path)?, bytes, &Resolver::new(path, options))
+}
+
+type Read = fn(&[u8], &Resolver, &mut Warnings) -> Result<Scene, ImportError>;
+
+fn reader(path: &Path) -> Result<Read, ImportError> {
+    let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).unwrap_or_default();
+    match ending.as_str() {
+        "gltf" | "glb" => Ok(gltf::read),
+        "obj" => Ok(obj::read),
+        "toml" => Ok(scene_file::read),
+        _ => Err(ImportError::Unsupported {
+            path: path.to_path_buf(),
+            feature: if ending.is_empty() { "a file ending".into() } else { format!("a reader for .{ending} files") },
+            help: format!("scenes end in .{}", ENDINGS.join(", .")),
+        }),
+    }
+}
+
+fn finish(read: Read, bytes: &[u8], resolver: &Resolver) -> Result<(Scene, Vec<Warning>), ImportError> {
+    let path = resolver.path();
     let mut warnings = Warnings::default();
-    let mut scene = read(&bytes, &resolver, &mut warnings)?;
+    let mut scene = read(bytes, resolver, &mut warnings)?;
     if scene.name.is_empty() {
         scene.name = path.file_stem().and_then(|s| s.to_str()).unwrap_or("scene").to_owned();
     }
