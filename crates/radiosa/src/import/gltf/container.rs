@@ -39,7 +39,7 @@ fn split_glb<'a>(bytes: &'a [u8], path: &Path, warnings: &mut Warnings) -> Resul
         return Err(invalid(format!("a GLB header takes 12 bytes, but the file has only {}", bytes.len())));
     };
     if version != 2 {
-        return Err(super::old_version(path, &format!("GLB version {version}")));
+        return Err(super::other_version(path, &format!("GLB version {version}")));
     }
     let length = length as usize;
     if length > bytes.len() {

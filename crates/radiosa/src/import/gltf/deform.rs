@@ -1,5 +1,7 @@
 //! Shapes at rest: morph targets at their default weights, skins at the pose the nodes hold.
 
+use std::rc::Rc;
+
 use super::super::ImportError;
 use super::accessor::Accessors;
 use super::budget::Budget;
@@ -12,7 +14,7 @@ pub(super) struct Deform {
     /// Weight of each morph target.
     pub weights: Vec<f64>,
     /// World matrix of each joint, times its inverse bind matrix.
-    pub joints: Option<Vec<DAffine3>>,
+    pub joints: Option<Rc<[DAffine3]>>,
 }
 
 /// Per-vertex columns that deformation changes.
@@ -24,7 +26,7 @@ pub(super) struct Columns<'c> {
 
 /// The numbers in a `weights` member.
 pub(super) fn weights(owner: &Item<'_>) -> Result<Vec<f64>, ImportError> {
-    owner.array("weights")?.iter().map(|w| w.as_number()).collect()
+    owner.array("weights")?.numbers()
 }
 
 /// The joint matrices of a skin.

@@ -155,8 +155,8 @@ impl<'a> Item<'a> {
             return Err(item.error(format!("{N} numbers are needed here, not {}", array.len())));
         }
         let mut out = [0.0; N];
-        for (out, element) in out.iter_mut().zip(array.iter()) {
-            *out = element.as_number()?;
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = array.number(i)?;
         }
         Ok(Some(out))
     }
@@ -196,6 +196,20 @@ impl<'a> Array<'a> {
     pub(super) fn iter(&self) -> impl Iterator<Item = Item<'a>> + '_ {
         (0..self.len()).filter_map(|i| self.get(i))
     }
+
+    /// One element as a finite number; 0 beyond the end.
+    fn number(&self, index: usize) -> Result<f64, ImportError> {
+        // The pointer is made only for the error: matrices and weights are many.
+        match self.values.get(index).map(Value::as_f64) {
+            Some(Some(v)) if v.is_finite() => Ok(v),
+            _ => self.get(index).map_or(Ok(0.0), |item| item.as_number()),
+        }
+    }
+
+    /// All elements as finite numbers.
+    pub(super) fn numbers(&self) -> Result<Vec<f64>, ImportError> {
+        (0..self.len()).map(|i| self.number(i)).collect()
+    }
 }
 
 /// One of the document's top-level arrays, to resolve references into.
@@ -230,7 +244,10 @@ impl<'a> Table<'a> {
     pub(super) fn index(&self, reference: &Item<'a>) -> Result<usize, ImportError> {
         let index = reference.as_count()?;
         let found = usize::try_from(index).ok().filter(|&i| i < self.len());
-        found.ok_or_else(|| reference.error(format!("it refers to {} {index}, but the file has {}", self.kind, self.len())))
+        found.ok_or_else(|| {
+            let (kind, has) = (self.kind, if self.len() == 0 { "none".to_owned() } else { format!("only {}", self.len()) });
+            reference.error(format!("it refers to {kind} {index}, but the file has {has}"))
+        })
     }
 
     /// Follows a reference.

@@ -29,6 +29,7 @@ mod texture;
 
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
+use std::rc::Rc;
 
 use self::accessor::Accessors;
 use self::budget::Budget;
@@ -40,7 +41,9 @@ use self::tally::Tally;
 use self::texture::Textures;
 use super::{ImportError, Resolver, Warnings};
 use crate::math::DAffine3;
-use crate::scene::{Geometry, Instance, MaterialId, MeshId, MeshSource, Node, NodeId, Quantity, Scene, Source, SourceContent};
+use crate::scene::{
+    Geometry, Instance, Material, MaterialId, MeshId, MeshSource, Node, NodeId, Quantity, Scene, Source, SourceContent,
+};
 
 /// Reads a document, `.gltf` or `.glb`, told apart by its first bytes.
 ///
@@ -63,6 +66,7 @@ pub(super) fn read(bytes: &[u8], resolver: &Resolver, warnings: &mut Warnings) -
     let mut textures = Textures::load(&root, &buffers, resolver, &mut budget, warnings)?;
     let mut materials = Vec::new();
     let material_table = Table::new(&root, "materials", "material")?;
+    budget.reserve(&|| "the materials".into(), (material_table.len() * size_of::<Material>()) as u64)?;
     for item in material_table.iter() {
         materials.push(material::read(&item, &mut textures, warnings)?);
     }
@@ -84,6 +88,8 @@ pub(super) fn read(bytes: &[u8], resolver: &Resolver, warnings: &mut Warnings) -
         loaded: HashMap::new(),
         joints: HashMap::new(),
         posed: HashSet::new(),
+        copied: 0,
+        copies_allowed: FREE_COPIES + 4 * container.json.len() as u64,
         budget,
         tally,
         warnings,
@@ -106,12 +112,15 @@ pub(super) fn read(bytes: &[u8], resolver: &Resolver, warnings: &mut Warnings) -
     Ok(scene)
 }
 
-/// The error for documents of the past.
-fn old_version(path: &Path, what: &str) -> ImportError {
+/// Primitives that may be read whatever the length of the document, counting each time one is read.
+const FREE_COPIES: u64 = 1 << 20;
+
+/// The error for documents of another version.
+fn other_version(path: &Path, what: &str) -> ImportError {
     ImportError::Unsupported {
         path: path.into(),
         feature: format!("a reader for {what}"),
-        help: "convert it to glTF 2.0, for example with an old gltf-pipeline or by way of Blender".into(),
+        help: "export it as glTF 2.0; version 1.0 can be converted with gltf-pipeline 3".into(),
     }
 }
 
@@ -130,10 +139,10 @@ fn check_version(root: &Item<'_>) -> Result<(), ImportError> {
         return Err(version.error_with_help(format!("{text:?} is not a version number"), help));
     };
     if major != 2 {
-        return Err(old_version(root.file(), &format!("glTF {text}")));
+        return Err(other_version(root.file(), &format!("glTF {text}")));
     }
     match asset.text("minVersion")?.map(|text| (text, parts(text))) {
-        Some((text, Some(min))) if min > (2, 0) => Err(old_version(root.file(), &format!("glTF {text}"))),
+        Some((text, Some(min))) if min > (2, 0) => Err(other_version(root.file(), &format!("glTF {text}"))),
         _ => Ok(()),
     }
 }
@@ -162,9 +171,12 @@ struct Placer<'p, 'a> {
     /// World transforms of all nodes, when there are skins.
     globals: Vec<DAffine3>,
     loaded: HashMap<MeshKey, Vec<(MeshId, bool)>>,
-    joints: HashMap<usize, Vec<DAffine3>>,
+    joints: HashMap<usize, Rc<[DAffine3]>>,
     /// Nodes whose skinned shape stands in the world already.
     posed: HashSet<u32>,
+    /// Primitives and weights read so far, counting each time, and how many may be.
+    copied: u64,
+    copies_allowed: u64,
     budget: Budget,
     tally: Tally,
     warnings: &'p mut Warnings,
@@ -238,7 +250,8 @@ impl<'a> Placer<'_, 'a> {
                 Some(joints) => joints.clone(),
                 None => {
                     let nodes = &self.hierarchy.table;
-                    let joints = deform::joints(&skin, nodes, &self.globals, &self.accessors, &mut self.budget)?;
+                    let joints: Rc<[DAffine3]> =
+                        deform::joints(&skin, nodes, &self.globals, &self.accessors, &mut self.budget)?.into();
                     self.joints.insert(number, joints.clone());
                     joints
                 }
@@ -246,9 +259,18 @@ impl<'a> Placer<'_, 'a> {
         };
         let weights = deform::weights(if item.has("weights") { item } else { mesh })?;
         let deform = Deform { weights, joints };
+        let primitives = mesh.array("primitives")?;
+        // Nodes times primitives (or weights) is a square of the file's length: a copy for each node must stay the exception.
+        self.copied += (1 + primitives.len() + deform.weights.len()) as u64;
+        if self.copied > self.copies_allowed {
+            return Err(item.error_with_help(
+                "too many nodes bend a mesh of their own (by skins or morph weights)",
+                "apply skins and morph targets before exporting, or split the file",
+            ));
+        }
         let mesh_name = mesh.name();
         let mut ids = Vec::new();
-        for (p, primitive) in mesh.array("primitives")?.iter().enumerate() {
+        for (p, primitive) in primitives.iter().enumerate() {
             let material = match primitive.get("material")? {
                 Some(reference) => Some(MaterialId(self.materials.index(&reference)? as u32)),
                 None => None,
