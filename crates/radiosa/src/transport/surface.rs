@@ -82,11 +82,13 @@ impl World {
     }
 }
 
-/// `Σ w v` and a bound of its error: one rounding in each weight's own computation, one a product, two sums.
+/// `Σ w v` and a bound of its error. Seven roundings lie in the sum; and since the ray–triangle test shears coordinates into each other, what it may get
+/// wrong about the plane is relative to the largest coordinate of the triangle, in every axis. (With the bound of each axis alone, a wall in the plane
+/// x = 0 had none and shadowed itself.)
 fn combine(v: [Vec3; 3], w: [f32; 3]) -> (Vec3, Vec3) {
     let p = v[0] * w[0] + v[1] * w[1] + v[2] * w[2];
-    let magnitude = (v[0] * w[0]).abs() + (v[1] * w[1]).abs() + (v[2] * w[2]).abs();
-    (p, magnitude * gamma(7))
+    let largest = v[0].abs().max(v[1].abs()).max(v[2].abs()).max_element();
+    (p, Vec3::splat(largest * gamma(8)))
 }
 
 /// An affine map of a point with an error, and the error of the result.
@@ -95,7 +97,8 @@ fn transform_point(m: &crate::math::Affine3A, p: Vec3, error: Vec3) -> (Vec3, Ve
     let moved = Vec3::from(m.transform_point3a(p.into()));
     let magnitude = Vec3::from(abs * p.abs().to_vec3a() + m.translation.abs());
     let carried = Vec3::from(abs * error.to_vec3a());
-    (moved, magnitude * gamma(4) + carried * (1.0 + gamma(4)))
+    // In every axis alike, for the same reason as above.
+    (moved, Vec3::splat((magnitude * gamma(6) + carried * (1.0 + gamma(4))).max_element()))
 }
 
 impl Surface {
