@@ -1,6 +1,8 @@
 //! Closed-form answers, statistics and image comparison for Radiosa's tests. It knows no Radiosa types, so that nothing here can
 //! agree with the engine by sharing its mistakes.
 
+pub mod image;
+
 use std::path::{Path, PathBuf};
 
 /// The collection of scenes, pictures and malformed files made by others, when it lies beside the checkout.
