@@ -28,6 +28,12 @@ macro_rules! samples {
 
 samples! {
     "cornell-box": "The measured Cornell box: what every method can be checked on.",
+    "room": "A furnished room with a luminaire, a floor lamp and a window, for every method.",
+    "whitted": "A glass and a mirror sphere over a checkered floor, after the picture of 1980.",
+    "phong-spheres": "Phong's highlight: the exponent grows to the right, its strength upwards.",
+    "light-types": "The kinds of light side by side: ambient, point, attenuated, spot, distant, hemispherical.",
+    "parallel-plates": "Two plates at different distances: they merge without attenuation and separate with it.",
+    "furnace": "A closed room that glows evenly: every method must show 1 everywhere.",
 }
 
 /// All of them, the most used one first.

@@ -42,7 +42,7 @@ use self::shape::{BuiltGeometry, ShapeTable};
 use self::transform::Up;
 use self::value::{At, Color, Named, OneOrMany, Unit};
 use super::{ImportError, Location, Resolver, Warnings};
-use crate::math::DVec3;
+use crate::math::{DAffine3, DVec3};
 use crate::scene::{
     Geometry, ImageId, Instance, Material, MaterialId, MeshId, Quantity, Scene, Source, SourceContent, TextureId,
 };
@@ -305,9 +305,8 @@ impl Reading<'_> {
         let placed = transform::to_affine(&shape.value.transform, &self.text, self.up)?;
         let built = shape::build(shape, &self.text, self.up.axis())?;
         let name = shape.value.name.clone().unwrap_or_else(|| format!("{} {}", built.kind, i + 1));
-        let transform = self.scene.from_file * placed;
-        let (geometry, transform) = match built.geometry {
-            BuiltGeometry::Exact(geometry, to_place) => (geometry, transform * to_place),
+        let (geometry, unit) = match built.geometry {
+            BuiltGeometry::Exact(geometry, unit) => (geometry, unit),
             BuiltGeometry::Mesh(mut mesh) => {
                 nesting.memory += (mesh.positions.len() * 48 + mesh.triangles.len() * 32) as u64;
                 if nesting.memory > nesting.max_memory {
@@ -317,12 +316,22 @@ impl Reading<'_> {
                 mesh.name.clone_from(&name);
                 mesh.materials = vec![material];
                 self.scene.meshes.push(mesh);
-                (Geometry::Mesh(MeshId(self.scene.meshes.len() as u32 - 1)), transform)
+                (Geometry::Mesh(MeshId(self.scene.meshes.len() as u32 - 1)), DAffine3::IDENTITY)
             }
         };
         // On the mesh a material could be shared; exact shapes have nowhere else to keep it.
         let material = if matches!(geometry, Geometry::Mesh(_)) { None } else { material };
-        self.scene.instances.push(Instance { name, geometry, transform, material, node: None });
+        let mut place = |name: String, last: DAffine3| {
+            let transform = self.scene.from_file * last * placed * unit;
+            self.scene.instances.push(Instance { name, geometry, transform, material, node: None });
+        };
+        if shape.value.copies.is_empty() {
+            place(name, DAffine3::IDENTITY);
+        } else {
+            for (n, copy) in shape.value.copies.iter().enumerate() {
+                place(format!("{name} {}", n + 1), transform::to_affine(copy, &self.text, self.up)?);
+            }
+        }
         Ok(())
     }
 

@@ -22,13 +22,15 @@ pub(super) struct ShapeTable {
     pub(super) material: Option<At<String>>,
     /// Moves it into place.
     pub(super) transform: OneOrMany<TransformTable>,
+    /// Places it once for each of these transforms, which come after `transform`; the copies share their geometry and are numbered from 1.
+    pub(super) copies: Vec<OneOrMany<TransformTable>>,
     /// Four corners `[[x, y, z], …]`. Its texture stands upright with the first corner at the lower left.
     pub(super) quad: Option<At<[Point; 4]>>,
     /// Flat polygons, each a list of three or more corners; they may be concave.
     pub(super) polygons: Option<Vec<At<Vec<Point>>>>,
-    /// A box with faces along the axes.
+    /// A box with faces along the axes, or an array of them that become one object.
     #[serde(rename = "box")]
-    pub(super) cuboid: Option<At<BoxTable>>,
+    pub(super) cuboid: Option<OneOrMany<BoxTable>>,
     /// A flat round surface, exact.
     pub(super) disc: Option<DiscTable>,
     /// A sphere, exact.
@@ -165,7 +167,12 @@ pub(super) fn build(shape: &At<ShapeTable>, text: &Text, up: DVec3) -> Result<Bu
         }
         mesh(polygons(text, all)?)
     } else if let Some(b) = &s.cuboid {
-        mesh(cuboid(text, b)?)
+        if b.0.is_empty() {
+            return Err(text.error(&shape.span, "`box` is empty", ""));
+        }
+        let mut builder = Builder::default();
+        b.0.iter().try_for_each(|b| cuboid(text, b, &mut builder))?;
+        mesh(builder)
     } else if let Some(d) = &s.disc {
         let basis = basis_around(d.normal.map_or(up, |n| n.0));
         BuiltGeometry::Exact(Geometry::Disc, place(basis * d.radius.0, d.center))
@@ -231,13 +238,12 @@ fn planar_uvs(corners: &[DVec3]) -> Vec<Vec2> {
     flat.iter().map(|p| Vec2::new(((p[0] - u0) / size) as f32, 1.0 - ((p[1] - v0) / size) as f32)).collect()
 }
 
-fn cuboid(text: &Text, table: &At<BoxTable>) -> Result<Builder, ImportError> {
+fn cuboid(text: &Text, table: &At<BoxTable>, builder: &mut Builder) -> Result<(), ImportError> {
     let (lo, hi) = (table.value.min.0, table.value.max.0);
     if !lo.cmplt(hi).all() {
         let help = "give the smallest corner as `min` and the largest as `max`; for a flat surface use `quad`";
         return Err(text.error(&table.span, "this box has no inside", help));
     }
-    let mut builder = Builder::default();
     // Each face by its outward axis; right and above as seen from outside, so that textures stand upright.
     let faces: [([usize; 3], bool); 6] =
         [([0, 2, 1], true), ([0, 2, 1], false), ([1, 0, 2], true), ([1, 0, 2], false), ([2, 0, 1], true), ([2, 0, 1], false)];
@@ -262,7 +268,7 @@ fn cuboid(text: &Text, table: &At<BoxTable>) -> Result<Builder, ImportError> {
         builder.uvs.extend([Vec2::new(0.0, 1.0), Vec2::ONE, Vec2::new(1.0, 0.0), Vec2::ZERO]);
         builder.face(&[first, first + 1, first + 2, first + 3]).map_err(|why| text.error(&table.span, why.to_string(), ""))?;
     }
-    Ok(builder)
+    Ok(())
 }
 
 fn frustum(
