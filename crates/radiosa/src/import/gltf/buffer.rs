@@ -131,11 +131,18 @@ pub(super) fn fetch(uri: &Item<'_>, resolver: &Resolver) -> Result<Vec<u8>, Impo
         });
     }
     let decoded: Cow<'_, str> = percent_encoding::percent_decode_str(text).decode_utf8_lossy();
-    match resolver.read(&decoded) {
+    let result = match resolver.read(&decoded) {
         // Some exporters write names with a literal percent sign unescaped.
         Err(first) if decoded != text => resolver.read(text).map_err(|_| first),
         result => result,
-    }
+    };
+    result.map_err(|e| match e {
+        ImportError::Io { path, source } => uri.error_with_help(
+            format!("cannot read {}: {source}", path.display()),
+            "the document consists of several files; keep them together, named as in the document",
+        ),
+        other => other,
+    })
 }
 
 fn data_uri(uri: &Item<'_>, rest: &str) -> Result<Vec<u8>, ImportError> {

@@ -15,18 +15,16 @@ pub(super) fn read<'a>(
     budget: &mut Budget,
 ) -> Result<Vec<DAffine3>, ImportError> {
     let attributes = extension.require("attributes")?;
-    let mut count = None;
-    for (key, reference) in attributes.members()? {
-        let n = accessors.get(&reference)?.count;
-        if *count.get_or_insert(n) != n {
-            return Err(reference.error(format!("{n} values of {key} where other attributes have another number of instances")));
-        }
-    }
-    let n = count.unwrap_or(0);
     let get = |key: &str| attributes.get(key)?.map(|reference| accessors.get(&reference)).transpose();
-    let translations = get("TRANSLATION")?.map(|a| a.read_numbers::<3, _>(budget, DVec3::from)).transpose()?;
-    let rotations = get("ROTATION")?.map(|a| a.read_numbers::<4, _>(budget, |[x, y, z, w]| rotation(x, y, z, w))).transpose()?;
-    let scales = get("SCALE")?.map(|a| a.read_numbers::<3, _>(budget, DVec3::from)).transpose()?;
+    let [translations, rotations, scales] = [get("TRANSLATION")?, get("ROTATION")?, get("SCALE")?];
+    let counts: Vec<usize> = [&translations, &rotations, &scales].into_iter().flatten().map(|accessor| accessor.count).collect();
+    let n = counts.first().copied().unwrap_or(0);
+    if let Some(other) = counts.iter().find(|&&other| other != n) {
+        return Err(attributes.error(format!("one attribute has {n} instances, another {other}")));
+    }
+    let translations = translations.map(|a| a.read_numbers::<3, _>(budget, DVec3::from)).transpose()?;
+    let rotations = rotations.map(|a| a.read_numbers::<4, _>(budget, |[x, y, z, w]| rotation(x, y, z, w))).transpose()?;
+    let scales = scales.map(|a| a.read_numbers::<3, _>(budget, DVec3::from)).transpose()?;
     budget.reserve(&|| format!("the instances of {}", extension.pointer()), (n * size_of::<DAffine3>()) as u64)?;
     let mut places = Vec::with_capacity(n);
     for i in 0..n {
