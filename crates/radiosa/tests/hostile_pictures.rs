@@ -12,8 +12,12 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
+use radiosa::film::{Film, Filter, Layer};
 use radiosa::import::{Location, Options, decode_picture};
+use radiosa::math::CpuPath;
+use radiosa::raytrace::{RayCast, ray_cast, tiles};
 use radiosa::scene::{Image, Pixels};
+use radiosa::transport::{Solver, Step, View, World, default_light, framing};
 use radiosa_testkit::shared_dir;
 
 /// Longest time for one file.
@@ -215,6 +219,96 @@ fn every_valid_png_of_the_suite_decodes_to_its_size() {
             assert_eq!((image.width, image.height), (side(16), side(20)), "{}", path.display());
             let is_deep = bytes[24] == 16;
             assert_eq!(matches!(image.pixels, Pixels::Rgba16(_)), is_deep, "{}", path.display());
+        }
+    });
+}
+
+// ---- The same pictures where scenes use them ----
+
+/// A glTF document of one textured square whose picture lies beside it.
+fn textured_square() -> String {
+    use base64::Engine as _;
+    let corners = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    let uvs = [[0.0f32, 1.0], [3.0, 1.0], [3.0, -2.0], [0.0, -2.0]];
+    let mut bytes: Vec<u8> = corners.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect();
+    bytes.extend(uvs.as_flattened().iter().flat_map(|v| v.to_le_bytes()));
+    bytes.extend([0u16, 1, 2, 0, 2, 3].iter().flat_map(|v| v.to_le_bytes()));
+    let data = base64::engine::general_purpose::STANDARD.encode(&bytes);
+    let json = serde_json::json!({
+        "asset": { "version": "2.0" },
+        "scene": 0,
+        "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "mesh": 0 }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0, "TEXCOORD_0": 1 }, "indices": 2, "material": 0 }] }],
+        "materials": [{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } }, "alphaMode": "MASK" }],
+        "textures": [{ "source": 0 }],
+        "images": [{ "uri": "picture" }],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0] },
+            { "bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2" },
+            { "bufferView": 2, "componentType": 5123, "count": 6, "type": "SCALAR" }
+        ],
+        "bufferViews": [
+            { "buffer": 0, "byteOffset": 0, "byteLength": 48 },
+            { "buffer": 0, "byteOffset": 48, "byteLength": 32 },
+            { "buffer": 0, "byteOffset": 80, "byteLength": 12 }
+        ],
+        "buffers": [{ "byteLength": bytes.len(), "uri": format!("data:application/octet-stream;base64,{data}") }]
+    });
+    json.to_string()
+}
+
+/// A scene file of one disc under the picture as environment.
+const UNDER_A_SKY: &str = r#"
+[environment]
+map = "picture"
+
+[material.plain]
+lambert = 0.5
+
+[[shape]]
+name = "floor"
+material = "plain"
+quad = [[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]
+"#;
+
+/// Loads a scene and makes a small picture of it.
+fn load_and_render(path: &Path) -> Result<Film, radiosa::import::ImportError> {
+    let (scene, _) = radiosa::import::load(path, &Options::default())?;
+    let world = World::prepare(scene, CpuPath::detect()).expect("what loads is valid");
+    let camera = framing::automatic(&world, 1.0);
+    let view = View::new(&camera, world.origin(), 8, 8);
+    let extra_lights = default_light::for_dark_scene(&world, &camera);
+    let method = RayCast::new(&world, &ray_cast::Settings { extra_lights, ..Default::default() }, view.forward());
+    let settings = tiles::Settings { width: 8, height: 8, spp: 1, filter: Filter::Box, seed: 1, layers: vec![Layer::Color] };
+    let mut render = tiles::TiledRender::new(&method, &view, settings).expect("the film is small");
+    while let Step::Working { .. } = render.step(&world) {}
+    Ok(render.into_film())
+}
+
+#[test]
+fn hostile_pictures_are_as_harmless_as_textures_and_as_environments() {
+    count_panics();
+    with_shared(|shared| {
+        let folder = tempfile::tempdir().unwrap();
+        let (texture, sky, picture) =
+            (folder.path().join("square.gltf"), folder.path().join("sky.toml"), folder.path().join("picture"));
+        std::fs::write(&texture, textured_square()).unwrap();
+        std::fs::write(&sky, UNDER_A_SKY).unwrap();
+        for (use_, scene) in [("as textures", &texture), ("as environments", &sky)] {
+            let mut tally = Tally::default();
+            for kind in ["bmp-ico", "exr", "png", "jpeg", "webp"] {
+                for path in files(&shared.join("hostile").join(kind)) {
+                    std::fs::write(&picture, std::fs::read(&path).unwrap()).unwrap();
+                    tally.run(&path, || {
+                        let film = load_and_render(scene)?;
+                        let finite = film.planes().iter().all(|p| p.values.iter().all(|v| v.is_finite()));
+                        assert!(finite, "{}: light that is not finite", path.display());
+                        Ok::<_, radiosa::import::ImportError>(())
+                    });
+                }
+            }
+            tally.report(use_);
         }
     });
 }
