@@ -1,7 +1,7 @@
 //! Closed-form answers, statistics and image comparison for Radiosa's tests. It knows no Radiosa types, so that nothing here can
 //! agree with the engine by sharing its mistakes.
 
-pub mod image;
+pub mod brdf;
 
 use std::path::{Path, PathBuf};
 
