@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use super::discrete::Discrete;
 use super::{Emitter, EnvironmentShadows, reduce};
+use crate::film::srgb;
 use crate::math::{DQuat, DVec3, Vec3, function};
 use crate::scene::{Directional, Environment, EnvironmentRadiance, Image, Pixels};
 use crate::spectrum::Spectrum;
@@ -129,15 +130,11 @@ impl Map {
         match &image.pixels {
             Pixels::Rgba32F(p) => Self::new(w, h, p.chunks_exact(4).map(rgb)),
             Pixels::Rgba8(p) => {
-                let table: Vec<f32> = (0..256).map(|v| srgb_to_linear(v as f32 / 255.0)).collect();
-                Self::new(
-                    w,
-                    h,
-                    p.chunks_exact(4).map(|c| rgb(&[table[c[0] as usize], table[c[1] as usize], table[c[2] as usize]])),
-                )
+                let linear = |v: u8| srgb::decode_u8(v);
+                Self::new(w, h, p.chunks_exact(4).map(|c| rgb(&[linear(c[0]), linear(c[1]), linear(c[2])])))
             }
             Pixels::Rgba16(p) => {
-                let linear = |v: u16| srgb_to_linear(f32::from(v) / 65535.0);
+                let linear = |v: u16| srgb::decode(f32::from(v) / 65535.0);
                 Self::new(w, h, p.chunks_exact(4).map(|c| rgb(&[linear(c[0]), linear(c[1]), linear(c[2])])))
             }
         }
@@ -302,9 +299,4 @@ fn blocks(map: &Map) -> Vec<[Vec3; 3]> {
         }
     }
     sums.iter().map(|block| block.map(|v| v.as_vec3())).collect()
-}
-
-/// The transfer function of sRGB, decoded.
-fn srgb_to_linear(v: f32) -> f32 {
-    if v <= 0.04045 { v / 12.92 } else { function::pow((v + 0.055) / 1.055, 2.4) }
 }
