@@ -58,11 +58,6 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
     let build_time = built.elapsed();
     let (camera, size) = camera_and_size(&world, args)?;
     let mut warn = |name, message: String| warnings.push(Warning { name, path: PathBuf::from(&args.scene), message });
-    let extra_lights = default_light::for_dark_scene(&world, &camera);
-    if !extra_lights.is_empty() {
-        let names: Vec<String> = extra_lights.iter().map(|l| format!("\"{}\"", l.name)).collect();
-        warn("default-light", format!("the scene has no light: it gets {}", names.join(" and ")));
-    }
     let plan = Plan { layers: layers(args, &outputs), outputs, size, camera };
     let needed = Film::memory(plan.size.width, plan.size.height, &plan.layers);
     if needed > args.max_memory {
@@ -82,7 +77,7 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
     let method = match args.method {
         Method::Auto | Method::Raycast => "raycast",
     };
-    let settings = ray_cast::Settings {
+    let mut settings = ray_cast::Settings {
         shadows: args.shadows == OnOff::On,
         lights: transport::LightSettings {
             emitters: match args.emitters {
@@ -98,10 +93,30 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
             args::Viewer::Local => transport::Viewer::Local,
             args::Viewer::Infinite => transport::Viewer::Infinite,
         },
-        extra_lights,
+        extra_lights: Vec::new(),
     };
     let view = View::new(&plan.camera, world.origin(), plan.size.width, plan.size.height);
-    let ray_cast = RayCast::new(&world, &settings, view.forward());
+    let mut ray_cast = RayCast::new(&world, &settings, view.forward());
+    // Nobody wants a black picture: where the scene's own lights reach nothing the camera sees, it is given one.
+    let mut default_lit = false;
+    let shape = (plan.size.width, plan.size.height);
+    // (`--emitters ignore` asks for just that where emitters are all there is.)
+    let wanted = args.emitters == args::Emitters::Ignore && default_light::has_light(&world);
+    if !wanted && default_light::lit_fraction(&world, &view, shape, &ray_cast) < 0.01 {
+        settings.extra_lights = default_light::lights(&plan.camera);
+        let helped = RayCast::new(&world, &settings, view.forward());
+        if default_light::lit_fraction(&world, &view, shape, &helped) >= 0.01 {
+            let names: Vec<String> = settings.extra_lights.iter().map(|l| format!("\"{}\"", l.name)).collect();
+            let why = if default_light::has_light(&world) {
+                "the scene's own lights reach nothing the camera sees"
+            } else {
+                "the scene has no light"
+            };
+            warn("default-light", format!("{why}: it gets {}", names.join(" and ")));
+            ray_cast = helped;
+            default_lit = !default_light::has_light(&world);
+        }
+    }
     if let Some(said) = ray_cast.lights().note() {
         warn("emitters", said);
     }
@@ -113,7 +128,7 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
     let trace_time = traced.elapsed();
 
     let options = image::Options {
-        tone_map: tone_map(args, world.scene().quantity),
+        tone_map: tone_map(args, &world, default_lit),
         png_depth: if args.bits == args::Bits::Sixteen { PngDepth::Sixteen } else { PngDepth::Eight },
         exr_depth: if args.half { ExrDepth::Half } else { ExrDepth::Single },
     };
@@ -341,7 +356,9 @@ fn layers(args: &Render, outputs: &[PathBuf]) -> Vec<Layer> {
     layers
 }
 
-fn tone_map(args: &Render, quantity: Quantity) -> tone_map::ToneMap {
+fn tone_map(args: &Render, world: &World, default_lit: bool) -> tone_map::ToneMap {
+    // The default lights are classic ones, whatever the unit of the scene's own.
+    let quantity = if default_lit { Quantity::Radiometric } else { world.scene().quantity };
     let exposure = match (args.exposure, quantity) {
         (Some(Exposure::Auto), _) | (None, Quantity::Photometric) => tone_map::Exposure::Automatic,
         (Some(Exposure::Factor(f)), _) => tone_map::Exposure::Factor(f),

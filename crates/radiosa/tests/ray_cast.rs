@@ -21,7 +21,7 @@ fn render(scene: Scene, spp: u32, path: CpuPath) -> Film {
     let world = World::prepare(scene, path).expect("the scene is valid");
     let camera = world.scene().cameras.first().cloned().unwrap_or_else(|| framing::automatic(&world, 1.0));
     let view = View::new(&camera, world.origin(), SIZE, SIZE);
-    let extra_lights = default_light::for_dark_scene(&world, &camera);
+    let extra_lights = if default_light::has_light(&world) { Vec::new() } else { default_light::lights(&camera) };
     let settings = ray_cast::Settings { extra_lights, ..ray_cast::Settings::default() };
     let method = RayCast::new(&world, &settings, view.forward());
     let settings = tiles::Settings { width: SIZE, height: SIZE, spp, filter: Filter::Box, seed: 7, layers: Layer::ALL.to_vec() };

@@ -9,7 +9,7 @@ use crate::math::{Ray, Vec3};
 use crate::sampling::Stream;
 use crate::scene::Light;
 use crate::spectrum::Spectrum;
-use crate::transport::{Integrator, LightSettings, Lights, Viewer, World};
+use crate::transport::{Integrator, LightSettings, Lights, Viewer, World, default_light};
 
 /// A ray is followed behind transparent surfaces until this is left of it: less no longer changes an 8-bit picture.
 const NEGLIGIBLE: f32 = 1.0 / 1024.0;
@@ -25,7 +25,8 @@ pub struct Settings {
     pub lights: LightSettings,
     /// Where highlights are seen from.
     pub viewer: Viewer,
-    /// Lights beside the scene's own (`transport::default_light`).
+    /// Lights beside the scene's own (`transport::default_light`); when there are some, their backdrop stands behind a scene without a
+    /// background of its own.
     pub extra_lights: Vec<Light>,
 }
 
@@ -43,6 +44,7 @@ pub struct RayCast {
     lights: Lights,
     /// Unit, to an infinitely distant viewer.
     to_viewer: Vec3,
+    has_backdrop: bool,
 }
 
 impl RayCast {
@@ -53,6 +55,9 @@ impl RayCast {
             viewer: settings.viewer,
             lights: Lights::prepare(world, &settings.lights, &settings.extra_lights),
             to_viewer: -forward,
+            has_backdrop: !settings.extra_lights.is_empty()
+                && world.scene().background.is_black()
+                && world.scene().environment.is_none(),
         }
     }
 
@@ -73,7 +78,9 @@ impl Integrator for RayCast {
         for layer in 0..MAX_LAYERS {
             *n_rays += 1;
             let Some((hit, surface)) = world.closest_visible(&ray) else {
-                let seen = open * world.background(ray.dir, layer == 0);
+                let behind =
+                    if self.has_backdrop { default_light::backdrop(ray.dir) } else { world.background(ray.dir, layer == 0) };
+                let seen = open * behind;
                 if through_glass {
                     pixel.refraction += seen;
                     pixel.direct += seen;
@@ -114,7 +121,7 @@ impl Integrator for RayCast {
             pixel.indirect += ambient;
             pixel.color += ambient + diffuse + specular + emission;
 
-            let glass = shading.bsdf.transmission().map_or(Spectrum::BLACK, |t| t.weight);
+            let glass = shading.straight_transmission();
             through_glass |= !glass.is_black();
             open = open * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
             if open.max_channel() < NEGLIGIBLE {

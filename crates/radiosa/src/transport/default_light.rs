@@ -1,23 +1,16 @@
 //! The light a scene without any gets, so that nobody is shown a black picture.
 
-use super::World;
-use crate::math::DVec3;
+use super::{Integrator, View, World};
+use crate::math::{DVec3, Vec3};
+use crate::sampling::Stream;
 use crate::scene::{Attenuation, Camera, Light, LightKind, PhotometricUnit};
 use crate::spectrum::Spectrum;
 
-/// A headlight at the eye point and a soft hemisphere, when the scene has no light of its own; nothing otherwise.
+/// A headlight at the eye point and a soft hemisphere.
 ///
 /// Both are classic lights, so a white surface shows about 1. The headlight is at the eye point because everything visible is
 /// then lit, whatever walls stand around.
-pub fn for_dark_scene(world: &World, camera: &Camera) -> Vec<Light> {
-    let scene = world.scene();
-    let lit = !scene.ambient.is_black()
-        || scene.lights.iter().any(gives_light)
-        || scene.environment.as_ref().is_some_and(|e| !e.scale.is_black())
-        || !world.emissive().is_empty();
-    if lit {
-        return Vec::new();
-    }
+pub fn lights(camera: &Camera) -> Vec<Light> {
     let headlight = LightKind::Point {
         position: camera.position,
         unit: PhotometricUnit::Classic,
@@ -26,6 +19,35 @@ pub fn for_dark_scene(world: &World, camera: &Camera) -> Vec<Light> {
     };
     let sky = LightKind::Hemispherical { axis: DVec3::Y, down: Spectrum::gray(0.15) };
     vec![Light::new("default headlight", Spectrum::gray(0.65), headlight), Light::new("default sky", Spectrum::gray(0.35), sky)]
+}
+
+/// What is seen behind a scene that is lit by [`lights`]: dim enough to set off what is bright, light enough for what is black.
+pub fn backdrop(dir: Vec3) -> Spectrum {
+    Spectrum::gray(0.03).lerp(Spectrum::new(0.10, 0.11, 0.13), 0.5 + 0.5 * dir.y.clamp(-1.0, 1.0))
+}
+
+/// True when a scene has something that gives light, whatever it reaches.
+pub fn has_light(world: &World) -> bool {
+    let scene = world.scene();
+    !scene.ambient.is_black()
+        || scene.lights.iter().any(gives_light)
+        || scene.environment.as_ref().is_some_and(|e| !e.scale.is_black())
+        || !world.emissive().is_empty()
+}
+
+/// The fraction of what a camera sees, in a coarse look, on which `method` finds reflected light; 1 when it sees nothing at all.
+pub fn lit_fraction(world: &World, view: &View, (width, height): (u32, u32), method: &impl Integrator) -> f64 {
+    const COLUMNS: u32 = 32;
+    const ROWS: u32 = 24;
+    let (mut seen, mut lit) = (0u32, 0u32);
+    for i in 0..COLUMNS * ROWS {
+        let x = (f64::from(i % COLUMNS) + 0.5) * f64::from(width) / f64::from(COLUMNS);
+        let y = (f64::from(i / COLUMNS) + 0.5) * f64::from(height) / f64::from(ROWS);
+        let pixel = method.sample(world, &view.ray(x, y), &mut Stream::new(0, u64::from(i), 0), &mut 0);
+        seen += u32::from(pixel.object.is_some());
+        lit += u32::from(!(pixel.ambient + pixel.diffuse + pixel.specular + pixel.refraction).is_black());
+    }
+    if seen == 0 { 1.0 } else { f64::from(lit) / f64::from(seen) }
 }
 
 fn gives_light(light: &Light) -> bool {

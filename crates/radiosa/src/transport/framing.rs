@@ -6,10 +6,13 @@
 
 use super::{View, World};
 use crate::math::{DVec3, Ray, Vec3};
-use crate::scene::{Camera, Projection};
+use crate::scene::{Camera, Geometry, LightKind, Projection};
 
 /// Fraction of directions that must meet a front for a point to count as inside a room.
 const ENCLOSED: f64 = 0.7;
+
+/// Enclosed points a place must have to count as a room.
+const ROOMY: usize = 4;
 
 /// Chooses a view for a picture `aspect` times as wide as high. Deterministic.
 pub fn automatic(world: &World, aspect: f64) -> Camera {
@@ -18,19 +21,15 @@ pub fn automatic(world: &World, aspect: f64) -> Camera {
         return Camera::look_at("automatic", DVec3::Z * 5.0, DVec3::ZERO, DVec3::Y, perspective(45.0));
     }
     let size = bounds.extent().as_dvec3();
-    let probes: Vec<Probe> = (0..27)
-        .map(|i| {
-            let at = |k: u32| 0.25 + 0.25 * f64::from(i / 3u32.pow(k) % 3);
-            Probe::at(world, bounds.min.as_dvec3() + size * DVec3::new(at(0), at(1), at(2)))
-        })
-        .collect();
-    let best = probes.iter().max_by(|a, b| a.fronts.total_cmp(&b.fronts)).filter(|probe| probe.fronts >= ENCLOSED);
-    let camera = match best {
-        Some(probe) => match opening(&probes) {
-            Some(direction) => outside(world, direction, 40.0, aspect),
-            None => inside(world, probe.position, aspect),
-        },
-        None => object(world, aspect),
+    let probes = probes(world, bounds.min.as_dvec3(), size);
+    let rooms: Vec<&Probe> = probes.iter().filter(|probe| probe.fronts >= ENCLOSED).collect();
+    // A hollow object is enclosed at its middle; a room nearly everywhere.
+    let camera = if rooms.len() < ROOMY {
+        object(world, aspect)
+    } else if let Some(direction) = opening(&probes) {
+        outside(world, direction, 40.0, aspect)
+    } else {
+        inside(world, &rooms, aspect)
     };
     Camera { position: camera.position + world.origin(), ..camera }
 }
@@ -77,13 +76,26 @@ fn sphere_directions(n: u32) -> impl Iterator<Item = DVec3> {
 }
 
 /// Distance to what lies in a direction, and whether it shows its front.
+///
+/// Only the winding counts: a closed object whose material shows on both sides is still no room.
 fn look(world: &World, from: DVec3, dir: DVec3) -> Option<(f64, bool)> {
     let ray = Ray::new(from.as_vec3(), dir.as_vec3());
     let hit = world.accel().closest(&ray)?;
-    let surface = world.surface(&ray, &hit);
-    // A surface that shows on both sides is a wall from both.
-    let front = surface.is_front(-ray.dir) || world.material_at(&surface).two_sided;
-    Some((f64::from(hit.t), front))
+    Some((f64::from(hit.t), world.surface(&ray, &hit).is_front(-ray.dir)))
+}
+
+/// Points worth looking around from: a grid over the bounds, and the places of lamps, since where a lamp hangs people look from.
+fn probes(world: &World, lo: DVec3, size: DVec3) -> Vec<Probe> {
+    let grid = (0..27u32).map(|i| {
+        let at = |k: u32| 0.25 + 0.25 * f64::from(i / 3u32.pow(k) % 3);
+        lo + size * DVec3::new(at(0), at(1), at(2))
+    });
+    let lamps = world.scene().lights.iter().filter_map(|light| match light.kind {
+        LightKind::Point { position, .. } | LightKind::Spot { position, .. } => Some(position - world.origin()),
+        _ => None,
+    });
+    let inside = |p: &DVec3| (*p - lo).cmpge(DVec3::ZERO).all() && (*p - lo).cmple(size).all();
+    grid.chain(lamps.filter(inside).take(64)).map(|p| Probe::at(world, p)).collect()
 }
 
 /// The direction of the open side of a box, if the ways out are many and all on one side.
@@ -107,8 +119,7 @@ fn opening(probes: &[Probe]) -> Option<DVec3> {
 
 /// From outside, looking in the direction `-from`, with everything in the picture.
 fn outside(world: &World, from: DVec3, degrees: f64, aspect: f64) -> Camera {
-    let bounds = world.accel().bounds();
-    let (lo, hi) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+    let (lo, hi) = interesting_bounds(world);
     let centre = (lo + hi) * 0.5;
     let mut camera = Camera::look_at("automatic", centre + from, centre, DVec3::Y, perspective(degrees));
     // The nearest distance at which all eight corners of the bounds are inside the frustum, and a margin.
@@ -126,6 +137,34 @@ fn outside(world: &World, from: DVec3, degrees: f64, aspect: f64) -> Camera {
     }
     camera.position = centre + camera.basis.z_axis * distance;
     camera
+}
+
+/// The bounds of everything; or, where most vertices crowd in a small part of them (things on a huge floor), of that part.
+fn interesting_bounds(world: &World) -> (DVec3, DVec3) {
+    let bounds = world.accel().bounds();
+    let (lo, hi) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+    let mut vertices: [Vec<f64>; 3] = Default::default();
+    for instance in &world.scene().instances {
+        let Geometry::Mesh(id) = instance.geometry else { return (lo, hi) };
+        let positions = &world.scene().meshes[id.index()].positions;
+        // A few thousand a mesh are enough to know where most are.
+        for p in positions.iter().step_by(positions.len() / 4096 + 1) {
+            let p = instance.transform.transform_point3(*p) - world.origin();
+            vertices.iter_mut().zip(p.to_array()).for_each(|(column, v)| column.push(v));
+        }
+    }
+    let n = vertices[0].len();
+    if n < 100 {
+        return (lo, hi);
+    }
+    let mut trimmed = [[0.0; 2]; 3];
+    for (range, column) in trimmed.iter_mut().zip(&mut vertices) {
+        column.sort_unstable_by(f64::total_cmp);
+        *range = [column[n / 50], column[n - 1 - n / 50]];
+    }
+    let corner = |k: usize| DVec3::new(trimmed[0][k], trimmed[1][k], trimmed[2][k]);
+    let (a, b) = (corner(0), corner(1));
+    if (b - a).max_element() < 0.15 * (hi - lo).max_element() { (a, b) } else { (lo, hi) }
 }
 
 /// The side of an object that shows most fronts, with a liking for the usual three-quarter view.
@@ -151,23 +190,26 @@ fn object(world: &World, aspect: f64) -> Camera {
 }
 
 /// Inside a room: stands near a wall at eye height and looks across, where most can be seen.
-fn inside(world: &World, centre: DVec3, aspect: f64) -> Camera {
-    let reach = |dir: DVec3| look(world, centre, dir).map_or(0.0, |(t, _)| t);
-    let (down, up) = (reach(-DVec3::Y), reach(DVec3::Y));
-    let eye_height = if up > 0.0 && down > 0.0 { centre.y - down + 0.52 * (down + up) } else { centre.y };
-    let middle = DVec3::new(centre.x, eye_height, centre.z);
+fn inside(world: &World, rooms: &[&Probe], aspect: f64) -> Camera {
     let mut best = (f64::NEG_INFINITY, None);
-    for sixteenth in 0..16 {
-        let (s, c) = libm::sincos((f64::from(sixteenth) + 0.5) * std::f64::consts::TAU / 16.0);
-        let towards_wall = DVec3::new(s, 0.0, c);
-        let Some((distance, _)) = look(world, middle, towards_wall) else { continue };
-        let eye = middle + towards_wall * (distance * 0.86);
-        let target = middle - towards_wall * distance - DVec3::Y * (0.12 * distance);
-        let camera = Camera::look_at("automatic", eye, target, DVec3::Y, perspective(60.0));
-        let (fronts, hits, depth) = survey(world, &camera, aspect);
-        let score = fronts + 0.25 * hits + 0.5 * depth;
-        if score > best.0 {
-            best = (score, Some(camera));
+    for probe in rooms.iter().step_by(rooms.len() / 12 + 1) {
+        let centre = probe.position;
+        let reach = |dir: DVec3| look(world, centre, dir).map_or(0.0, |(t, _)| t);
+        let (down, up) = (reach(-DVec3::Y), reach(DVec3::Y));
+        let eye_height = if up > 0.0 && down > 0.0 { centre.y - down + 0.52 * (down + up) } else { centre.y };
+        let middle = DVec3::new(centre.x, eye_height, centre.z);
+        for sixteenth in 0..16 {
+            let (s, c) = libm::sincos((f64::from(sixteenth) + 0.5) * std::f64::consts::TAU / 16.0);
+            let towards_wall = DVec3::new(s, 0.0, c);
+            let Some((distance, _)) = look(world, middle, towards_wall) else { continue };
+            let eye = middle + towards_wall * (distance * 0.86);
+            let target = middle - towards_wall * distance - DVec3::Y * (0.12 * distance);
+            let camera = Camera::look_at("automatic", eye, target, DVec3::Y, perspective(60.0));
+            let (fronts, hits, depth) = survey(world, &camera, aspect);
+            let score = fronts + 0.25 * hits + depth;
+            if score > best.0 {
+                best = (score, Some(camera));
+            }
         }
     }
     best.1.unwrap_or_else(|| object(world, aspect))
@@ -187,7 +229,7 @@ fn survey(world: &World, camera: &Camera, aspect: f64) -> (f64, f64, f64) {
         let Some(hit) = world.accel().closest(&ray) else { continue };
         let surface = world.surface(&ray, &hit);
         hits += 1;
-        if surface.is_front(-ray.dir) || world.material_at(&surface).two_sided {
+        if surface.is_front(-ray.dir) {
             fronts += 1;
             let n: Vec3 = surface.n;
             let axis = n.abs().max_position();

@@ -2,6 +2,7 @@
 
 use super::{Surface, World};
 use crate::accel::Hit;
+use crate::bsdf::fresnel;
 use crate::bsdf::texture;
 use crate::bsdf::{Bsdf, Lookup};
 use crate::math::{Frame, Ray, Vec2, Vec3, Vec4};
@@ -24,6 +25,16 @@ pub struct Shading {
     pub emission: Spectrum,
     /// Fraction of the surface that is there (blended alpha).
     pub coverage: f32,
+}
+
+impl Shading {
+    /// What passes straight through a transmitting surface: its transmission, less what Fresnel's equations reflect.
+    pub fn straight_transmission(&self) -> Spectrum {
+        self.bsdf.transmission().map_or(Spectrum::BLACK, |t| {
+            // From outside on both faces: a straight ray leaves a sheet as it entered it.
+            t.weight * (1.0 - fresnel::dielectric(self.n.dot(self.wo).clamp(0.0, 1.0), t.ior))
+        })
+    }
 }
 
 /// The maps of a material, read at one point.
@@ -115,7 +126,7 @@ impl World {
             *n_rays += 1;
             let Some((_, surface)) = self.closest_visible(&ray) else { return passed };
             let shading = self.shading(&surface, -segment.dir.normalize());
-            let glass = shading.bsdf.transmission().map_or(Spectrum::BLACK, |t| t.weight);
+            let glass = shading.straight_transmission();
             passed = passed * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
             if passed.is_black() {
                 return passed;
