@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
-use radiosa::import::{ImportError, Options, Warning, load};
+use radiosa::import::{ImportError, Options, Warning, load, load_bytes};
 use radiosa::math::{DVec3, Vec2, Vec3};
 use radiosa::scene::{AlphaMode, Geometry, Material, Mesh, Model, Phong, PhongLobe, Scene, Wrap};
 use radiosa::spectrum::Spectrum;
@@ -680,6 +680,15 @@ fn sizes_an_attacker_chooses_do_not_cost_more_than_they_give() {
     image::RgbaImage::new(2000, 2000).write_to(&mut big, image::ImageFormat::Png).unwrap();
     try_load("mtllib a.mtl\n", &[("a.mtl", many.as_bytes()), ("a.png", &big.into_inner())]).unwrap();
     assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
+}
+
+#[test]
+fn files_larger_than_the_memory_allowed_are_refused() {
+    let text = SQUARE.repeat(100);
+    let options = Options { max_memory: 16_000, ..Options::default() };
+    let error = load_bytes(text.as_bytes(), Path::new("nowhere/main.obj"), &options).unwrap_err();
+    assert!(matches!(error, ImportError::TooLarge { .. }), "{error}");
+    assert!(error.help().contains("--max-memory"));
 }
 
 #[test]

@@ -129,7 +129,7 @@ fn cut(document: &Document, text: &[u8], path: &Path, warnings: &mut Warnings) -
         });
     }
     for (name, tally, what) in [
-        ("non-finite-vertex", not_finite, "a face with a vertex that is not a finite number is left out"),
+        ("non-finite-vertex", not_finite, "a face with a vertex that is no number, or beyond 1e18, is left out"),
         ("degenerate-face", degenerate, "a face without area is left out"),
         (
             "winding-against-normals",

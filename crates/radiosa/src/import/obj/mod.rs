@@ -23,12 +23,18 @@ mod polygon;
 mod text;
 
 use std::collections::{HashMap, HashSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use self::document::{Document, Group};
 use super::{ImportError, Resolver, Warnings};
 use crate::math::DAffine3;
 use crate::scene::{Geometry, Instance, Material, MaterialId, MeshId, Node, NodeId, Quantity, Scene, Source, SourceContent};
+
+/// Bytes of memory that a byte of OBJ text turns into: about ten in ordinary files, more where faces are many and lines short.
+const OBJ_GROWTH: u64 = 16;
+
+/// The same of MTL text, in which a material may take ten bytes.
+const MTL_GROWTH: u64 = 128;
 
 /// Names after `mtllib` that are looked for, over the whole file: each may cost a look at the disk.
 const MAX_LIBRARY_NAMES: usize = 1000;
@@ -44,6 +50,7 @@ pub(super) fn read(bytes: &[u8], resolver: &Resolver, warnings: &mut Warnings) -
         let help = "split it, or convert it to glTF".into();
         return Err(ImportError::Unsupported { path: path.into(), feature: "more than 4 GiB of OBJ text".into(), help });
     }
+    check_memory(path, text.len(), OBJ_GROWTH, resolver)?;
     let mut document = document::parse(&text, path, warnings)?;
     let mut scene = Scene { quantity: Quantity::Radiometric, ..Scene::default() };
     scene.sources.push(Source { path: path.into(), content: SourceContent::Other });
@@ -65,6 +72,15 @@ pub(super) fn read(bytes: &[u8], resolver: &Resolver, warnings: &mut Warnings) -
     }
     scene.nodes = tree.nodes;
     Ok(scene)
+}
+
+/// Refuses a text whose content would not fit.
+fn check_memory(path: &Path, len: usize, growth: u64, resolver: &Resolver) -> Result<(), ImportError> {
+    let (needed, allowed) = (len as u64 * growth, resolver.options().max_memory);
+    if needed > allowed {
+        return Err(ImportError::TooLarge { what: format!("the content of {}", path.display()), needed, allowed });
+    }
+    Ok(())
 }
 
 /// Objects, and groups below them.
@@ -98,10 +114,11 @@ fn read_materials(document: &Document, resolver: &Resolver, scene: &mut Scene, w
     let mut pictures = picture::Pictures::new(resolver);
     let mut by_name: HashMap<String, MaterialId> = HashMap::new();
     for (path, folder) in find_libraries(document, resolver, warnings) {
-        let bytes = match resolver.read_found(&path) {
+        let read = resolver.read_found(&path);
+        let bytes = match read.and_then(|bytes| check_memory(&path, bytes.len(), MTL_GROWTH, resolver).map(|()| bytes)) {
             Ok(bytes) => bytes,
             Err(error) => {
-                warnings.add("material-library-missing", main, error.to_string());
+                warnings.add("material-library-unreadable", main, error.to_string());
                 continue;
             }
         };
