@@ -2,6 +2,7 @@
 //! agree with the engine by sharing its mistakes.
 
 pub mod brdf;
+pub mod image;
 
 use std::path::{Path, PathBuf};
 

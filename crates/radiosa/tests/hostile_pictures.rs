@@ -3,6 +3,8 @@
 //! A counting allocator measures the peak of each file; the decoder's panics would be caught inside the library, so a hook
 //! counts them here.
 
+#![expect(clippy::print_stderr, reason = "a test says what it skips and what it measured")]
+
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

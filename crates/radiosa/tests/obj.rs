@@ -275,7 +275,8 @@ fn errors_say_where_and_show_it() {
         let at = error.location().unwrap();
         assert_eq!(at.line, Some(line), "{text:?}");
         let (excerpt, range) = at.excerpt.clone().unwrap();
-        assert_eq!(&excerpt[range], underlined);
+        assert_eq!(&excerpt[range.clone()], underlined);
+        assert_eq!(excerpt[..range.start].matches('\n').count() as u32 + 1, line.0, "lines can be counted in the excerpt");
         assert!(at.path.ends_with("main.obj"));
     };
     check("v 0 0 0\n\nf 1 0 1\n", (3, 5), "0", "vertex 0");

@@ -1,5 +1,7 @@
 //! Pictures come back from files as they were written, by us and by others.
 
+#![expect(clippy::print_stderr, reason = "a test says what it skips and what it measured")]
+
 use std::path::{Path, PathBuf};
 
 use radiosa::export::image::{self, ExrDepth, Format, Options, PngDepth, Recipe};

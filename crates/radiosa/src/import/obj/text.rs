@@ -190,27 +190,36 @@ pub(super) fn line_of(text: &[u8], at: usize) -> u32 {
     ends.count() as u32 + 1
 }
 
-/// The place of some bytes of the text, with the line around them as excerpt.
+/// The place of some bytes of the text, with the lines around them as excerpt: the text as it is, but for the lines further up,
+/// which are left empty so that line numbers can be counted in it, and for what of a very long line is far away.
 pub(super) fn location(path: &Path, text: &[u8], range: Range<usize>) -> Location {
     /// What of a very long line is shown on each side.
     const AROUND: usize = 100;
     let range = range.start.min(text.len())..range.end.min(text.len());
-    let start = text[..range.start].iter().rposition(|&b| is_end(b)).map_or(0, |i| i + 1);
-    let end = text[range.start..].iter().position(|&b| is_end(b)).map_or(text.len(), |i| range.start + i);
+    let start_of = |at: usize| text[..at].iter().rposition(|&b| is_end(b)).map_or(0, |i| i + 1);
+    let end_of = |at: usize| text[at..].iter().position(|&b| is_end(b)).map_or(text.len(), |i| at + i);
+    let lossy = |range: Range<usize>| String::from_utf8_lossy(&text[range]).into_owned();
+    let (start, end) = (start_of(range.start), end_of(range.start));
+    let line = line_of(text, range.start);
+    let column = lossy(start..range.start).chars().count() as u32 + 1;
+
+    let mut excerpt = "\n".repeat(line.saturating_sub(2) as usize);
+    if line > 1 {
+        let crlf = text[..start].ends_with(b"\r\n");
+        let end_above = start - if crlf { 2 } else { 1 };
+        let above = start_of(end_above);
+        excerpt += &lossy(above..end_above.min(above + 2 * AROUND));
+        excerpt.push('\n');
+    }
     let shown_start = start.max(range.start.saturating_sub(AROUND));
     let shown_end = end.min(range.start + AROUND);
-    let lossy = |range: Range<usize>| String::from_utf8_lossy(&text[range]).into_owned();
-    let mut excerpt = lossy(shown_start..range.start);
-    let column = lossy(start..range.start).chars().count() as u32 + 1;
+    let marked_end = range.end.min(shown_end);
+    excerpt += &lossy(shown_start..range.start);
     let from = excerpt.len();
-    excerpt += &lossy(range.start..range.end.min(shown_end));
+    excerpt += &lossy(range.start..marked_end);
     let to = excerpt.len();
-    excerpt += &lossy(range.end.min(shown_end)..shown_end);
-    Location {
-        line: Some((line_of(text, range.start), column)),
-        excerpt: Some((excerpt.into(), from..to)),
-        ..Location::file(path)
-    }
+    excerpt += &lossy(marked_end..shown_end);
+    Location { line: Some((line, column)), excerpt: Some((excerpt.into(), from..to)), ..Location::file(path) }
 }
 
 /// Counts the places where the same thing is odd, to say it once.
@@ -321,6 +330,6 @@ mod tests {
         let location = location(Path::new("a.obj"), text, at..at + 1);
         assert_eq!(location.line, Some((2, 5)));
         let (excerpt, range) = location.excerpt.unwrap();
-        assert_eq!((&*excerpt, &excerpt[range]), ("f é 2", "2"));
+        assert_eq!((&*excerpt, &excerpt[range]), ("v 1\nf é 2", "2"));
     }
 }
