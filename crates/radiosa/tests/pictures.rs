@@ -143,6 +143,26 @@ fn an_hdr_picture_is_within_half_a_step_of_the_shared_exponent() {
     }
 }
 
+proptest::proptest! {
+    #![proptest_config(proptest::test_runner::Config::with_cases(48))]
+    #[test]
+    fn runs_of_any_length_survive_in_an_hdr_picture(runs in proptest::collection::vec((1u32..200, 0u8..5), 1..12)) {
+        let row: Vec<u8> = runs.iter().flat_map(|&(n, v)| (0..n).map(move |i| if v == 4 { i as u8 } else { v })).collect();
+        let mut film = Film::new(row.len() as u32, 1, &[Layer::Color]).unwrap();
+        for (x, &v) in row.iter().enumerate() {
+            // The constant blue keeps the exponent, so the others are exact.
+            let color = Spectrum::new(v.into(), f32::from(v / 2), 255.0);
+            film.set_pixel(x as u32, 0, &Pixel { color, ..Pixel::default() });
+        }
+        let folder = Folder::new();
+        let image = decode(&write(&film, &folder.path("x.hdr"), Options::default()));
+        let Pixels::Rgba32F(values) = &image.pixels else { panic!("floats") };
+        for (x, rgba) in values.chunks_exact(4).enumerate() {
+            assert_eq!(rgba[..3], film.color(x as u32, 0).to_array());
+        }
+    }
+}
+
 #[test]
 fn a_png_holds_what_the_tone_map_shows() {
     let folder = Folder::new();
@@ -370,19 +390,32 @@ fn cube_environments_match_the_same_scene_in_latitude_and_longitude() {
         assert_eq!((cube.width, cube.height), (flat.width * step, flat.height * step));
         // Means over squares of 16 pixels of the flat picture: lines are drawn in both, but not sampled alike.
         let n = 16;
-        let (mut error, mut total) = (0.0, 0.0);
-        for y in (0..flat.height).step_by(n as usize) {
-            for x in (0..flat.width).step_by(n as usize) {
-                let mean = |v: &[f32], width: u32, n: u32, x: u32, y: u32| -> f32 {
-                    let pixels = (y..y + n).flat_map(|y| (x..x + n).map(move |x| (4 * (y * width + x)) as usize));
-                    pixels.map(|i| v[i] + v[i + 1] + v[i + 2]).sum::<f32>() / (n * n) as f32
-                };
-                let m = mean(b, flat.width, n, x, y);
-                error += (mean(a, cube.width, n * step, x * step, y * step) - m).abs();
-                total += m;
+        let mean = |v: &[f32], width: u32, n: u32, x: u32, y: u32| -> f32 {
+            let pixels = (y..y + n).flat_map(|y| (x..x + n).map(move |x| (4 * (y * width + x)) as usize));
+            pixels.map(|i| v[i] + v[i + 1] + v[i + 2]).sum::<f32>() / (n * n) as f32
+        };
+        let difference = |place: &dyn Fn(u32, u32) -> (u32, u32)| {
+            let (mut error, mut total) = (0.0, 0.0);
+            for y in 0..flat.height / n {
+                for x in 0..flat.width / n {
+                    let m = mean(b, flat.width, n, x * n, y * n);
+                    let (x, y) = place(x, y);
+                    error += (mean(a, cube.width, n * step, x * n * step, y * n * step) - m).abs();
+                    total += m;
+                }
             }
+            error / total
+        };
+        let (across, down) = (flat.width / n, flat.height / n);
+        let right = difference(&|x, y| (x, y));
+        // The twins that would pass if the faces were turned or mirrored.
+        let mirrored = difference(&|x, y| (across - 1 - x, y));
+        let turned = difference(&|x, y| ((x + across / 4) % across, y));
+        let inverted = difference(&|x, y| (x, down - 1 - y));
+        assert!(right < 0.05, "{}: {right}", cube.name);
+        for wrong in [mirrored, turned, inverted] {
+            assert!(wrong > 3.0 * right, "{}: {right}, but wrong ways {mirrored}, {turned}, {inverted}", cube.name);
         }
-        assert!(error < 0.05 * total, "{}: {}", cube.name, error / total);
     }
 }
 

@@ -11,6 +11,7 @@ pub use recipe::Recipe;
 
 use std::fs::File;
 use std::io::BufReader;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use super::target::{ExportError, check_writable, write_atomically};
@@ -111,10 +112,11 @@ pub fn read_recipe(path: &Path) -> Result<Recipe, ExportError> {
     let unreadable = |message: String| ExportError::Unreadable { path: path.to_path_buf(), message };
     let format = Format::of(path)?;
     let file = BufReader::new(File::open(path).map_err(|e| unreadable(e.to_string()))?);
-    match format {
+    let read = move || match format {
         Format::Png => png::read_recipe(file),
         Format::Exr => exr::read_recipe(file),
         Format::Hdr => hdr::read_recipe(file),
-    }
-    .map_err(unreadable)
+    };
+    // The file may be anything, and the decoders are made by others: should one panic, that is an error about the file.
+    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| Err("its decoder gave up on it".into())).map_err(unreadable)
 }

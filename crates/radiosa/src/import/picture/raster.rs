@@ -9,15 +9,27 @@ use super::{Picture, Source};
 use crate::import::ImportError;
 use crate::scene::Pixels;
 
-/// The most pixels a byte can stand for. Deflate repeats at most 258 bytes with two bits, so a byte holds 1032 of them, each up
-/// to eight pixels of one bit. A JPEG spends at least a bit on a block of 64 pixels in each scan; twice that, for chroma at a quarter
-/// of the size and restarts. A lossless WebP of one colour spends nothing at all on a pixel, but cannot be larger than 16 383 squared.
-const fn pixels_per_byte(kind: Kind) -> u64 {
-    match kind {
-        Kind::Png => 8 * 1032,
+/// The most pixels a byte can stand for. Deflate repeats at most 258 bytes with two bits, so a byte holds 1032 of them. A JPEG spends
+/// at least a bit on a block of 64 pixels in each scan; twice that, for chroma at a quarter of the size and restarts. A WebP of one
+/// colour spends next to nothing on a pixel, but cannot be larger than 16 383 squared.
+fn pixels_per_byte(bytes: &[u8]) -> u64 {
+    match Kind::of(bytes) {
+        Kind::Png => (8 * 1032 / png_bits_per_pixel(bytes)).max(1),
         Kind::Jpeg => 1024,
         _ => u64::MAX,
     }
+}
+
+/// What the header of a PNG says a pixel takes; 1 where it says nothing sensible, which its decoder will find out.
+fn png_bits_per_pixel(bytes: &[u8]) -> u64 {
+    let (Some(&depth), Some(&color)) = (bytes.get(24), bytes.get(25)) else { return 1 };
+    let channels = match color {
+        2 => 3,
+        4 => 2,
+        6 => 4,
+        _ => 1,
+    };
+    (u64::from(depth) * channels).max(1)
 }
 
 /// Reads one.
@@ -59,8 +71,9 @@ fn decode(source: &Source, mut decoder: impl ImageDecoder) -> Result<Picture, Fa
     // decoded picture and its RGBA form, and that once more where it becomes shared.
     let decoded = u64::from(decoder.color_type().bytes_per_pixel());
     let kept = if is_deep(decoder.color_type()) { 8 } else { 4 };
-    let kind = Kind::of(source.bytes);
-    source.check_size(width.into(), height.into(), 2 * decoded + 2 * kept, pixels_per_byte(kind)).map_err(Failure::Import)?;
+    source
+        .check_size(width.into(), height.into(), 2 * decoded + 2 * kept, pixels_per_byte(source.bytes))
+        .map_err(Failure::Import)?;
     decoder.set_limits(limits(source)).map_err(Failure::Decoder)?;
     let deep = is_deep(decoder.color_type());
     let picture = DynamicImage::from_decoder(decoder).map_err(Failure::Decoder)?;
