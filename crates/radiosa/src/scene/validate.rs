@@ -40,6 +40,16 @@ pub enum SceneError {
         /// Which.
         what: String,
     },
+    /// Too wide for the arithmetic of light transport.
+    #[error(
+        "the scene is {extent:e} m wide; at most {limit:e} m can be handled: look for a vertex or a transform gone wrong, or set the scale"
+    )]
+    TooWide {
+        /// Its largest side, metres.
+        extent: f64,
+        /// The limit, metres.
+        limit: f64,
+    },
     /// More triangles than ray queries can number.
     #[error("the scene places {count} primitives; at most {limit} can be handled")]
     TooLarge {

@@ -6,7 +6,7 @@ use crate::bsdf::fresnel;
 use crate::bsdf::texture;
 use crate::bsdf::{Bsdf, Lookup};
 use crate::math::{Frame, Ray, Vec2, Vec3, Vec4};
-use crate::scene::{AlphaMode, ColorMap, Geometry, NormalMap, ScalarMap, TextureId, TextureRef, TextureSource};
+use crate::scene::{AlphaMode, ColorMap, Geometry, InstanceId, NormalMap, ScalarMap, TextureId, TextureRef, TextureSource};
 use crate::spectrum::Spectrum;
 
 /// Transparent surfaces a segment passes at most; a pile of this many counts as opaque.
@@ -101,25 +101,24 @@ impl World {
     /// The fraction of light that passes along a segment, straight through everything transparent.
     pub fn transmittance(&self, segment: &Ray, n_rays: &mut u64) -> Spectrum {
         *n_rays += 1;
-        let opaque = |surface: &Surface| !self.may_be_transparent(surface.material);
-        if !self.has_transparency() {
-            return if self.accel().occluded(segment) { Spectrum::BLACK } else { Spectrum::WHITE };
+        if !self.accel().occluded(segment) {
+            return Spectrum::WHITE;
         }
+        if self.has_transparency() { self.transmittance_of_blocked(segment, n_rays) } else { Spectrum::BLACK }
+    }
+
+    /// The same for a segment that is known to meet something.
+    fn transmittance_of_blocked(&self, segment: &Ray, n_rays: &mut u64) -> Spectrum {
         // What is opaque decides without order; only when nothing is, the rest is walked through from front to back.
-        let mut met_transparent = false;
-        let blocked = self.accel().occluded_where(segment, &mut |hit| {
-            let surface = self.surface(segment, hit);
-            let blocks = opaque(&surface);
-            met_transparent |= !blocks;
-            blocks
-        });
-        if blocked {
+        let opaque = |hit: &Hit| {
+            let material = self.scene().material_of(InstanceId(hit.instance), hit.primitive);
+            !self.may_be_transparent(material)
+        };
+        *n_rays += 1;
+        if self.accel().occluded_where(segment, &mut |hit| opaque(hit)) {
             return Spectrum::BLACK;
         }
         let mut passed = Spectrum::WHITE;
-        if !met_transparent {
-            return passed;
-        }
         let end = segment.at(segment.t_max);
         let mut ray = *segment;
         for _ in 0..MAX_LAYERS {

@@ -12,6 +12,9 @@ use crate::scene::{AlphaMode, Geometry, InstanceId, Material, MaterialId, Model,
 /// tree is faster than a tree of trees, and 8 M triangles cost about 1 GB.
 const FLATTEN_LIMIT: u64 = 8_000_000;
 
+/// Scenes wider than this are refused: products of three lengths would leave the range of f32.
+const MAX_EXTENT: f64 = 1e12;
+
 /// A scene prepared for light transport: immutable, shared by every thread and every method.
 ///
 /// World coordinates are scene coordinates minus [`World::origin`], rounded to f32 once.
@@ -45,6 +48,9 @@ impl World {
     pub fn prepare(scene: Scene, cpu_path: CpuPath) -> Result<Self, SceneError> {
         scene.validate()?;
         let (lo, hi) = scene.bounds().unwrap_or_default();
+        if !((hi - lo).max_element() < MAX_EXTENT) {
+            return Err(SceneError::TooWide { extent: (hi - lo).max_element(), limit: MAX_EXTENT });
+        }
         let origin = recentre(lo, hi);
         let mut placements: HashMap<u32, u64> = HashMap::new();
         for instance in &scene.instances {

@@ -1,0 +1,163 @@
+//! What somebody who types commands sees: exit codes, messages, files.
+
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+
+fn radiosa(dir: &Path, args: &[&str]) -> Output {
+    let mut command = Command::cargo_bin("radiosa").expect("the command is built");
+    command.current_dir(dir).env("NO_COLOR", "1").env("COLUMNS", "100").args(args).output().expect("it runs")
+}
+
+fn in_folder(args: &[&str]) -> (tempfile::TempDir, Output) {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    let output = radiosa(dir.path(), args);
+    (dir, output)
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn render_alone_makes_a_picture_of_the_cornell_box_and_says_where() {
+    let (dir, output) = in_folder(&["render", "--size", "64x64", "--spp", "1"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("cornell-box.png"));
+    assert!(output.stdout.is_empty());
+    let bytes = std::fs::read(dir.path().join("cornell-box.png")).expect("the picture is there");
+    assert!(bytes.starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn json_is_one_object_on_standard_output() {
+    let (_dir, output) =
+        in_folder(&["render", "whitted", "--size", "32x24", "--spp", "1", "--json", "-o", "w.exr", "-o", "w.hdr"]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("standard output is JSON alone");
+    assert_eq!(report["method"], "raycast");
+    assert_eq!(report["size"], serde_json::json!([32, 24]));
+    assert_eq!(report["outputs"], serde_json::json!(["w.exr", "w.hdr"]));
+    assert!(report["rays"].as_u64() >= Some(32 * 24));
+    let (_dir, output) = in_folder(&["render", "no-such-scene", "--json"]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("errors are JSON too");
+    assert!(report["error"]["message"].as_str().is_some_and(|m| m.contains("no-such-scene")));
+}
+
+#[test]
+fn misuse_ends_with_2_and_names_the_nearest_option() {
+    let (_dir, output) = in_folder(&["render", "--emiters", "3"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("--emitters"));
+    let (_dir, output) = in_folder(&["render", "--method", "raycats"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("raycast"));
+    let (_dir, output) = in_folder(&[]);
+    assert_eq!(output.status.code(), Some(2));
+}
+
+#[test]
+fn an_unknown_scene_names_the_nearest_built_in_one() {
+    let (_dir, output) = in_folder(&["render", "cornel-box"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("cornell-box"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn what_can_be_known_to_fail_fails_before_the_first_ray() {
+    let (_dir, output) = in_folder(&["render", "-o", "missing/folder/a.png"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("does not exist"), "{}", text(&output.stderr));
+    let (_dir, output) = in_folder(&["render", "-o", "a.jpg"]);
+    assert!(text(&output.stderr).contains(".png"), "{}", text(&output.stderr));
+    let (_dir, output) = in_folder(&["render", "--size", "60000x60000", "--max-memory", "1G"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("--max-memory"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn an_error_in_a_scene_file_shows_the_line_with_a_caret_and_the_nearest_key() {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    std::fs::write(dir.path().join("a.toml"), "[camera.main]\nposition = [0, 0, 5]\nlook_att = [0, 0, 0]\n").expect("writable");
+    let output = radiosa(dir.path(), &["render", "a.toml"]);
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(message.contains("look_att") && message.contains("look_at") && message.contains("a.toml:3"), "{message}");
+}
+
+#[test]
+fn the_recipe_inside_a_picture_can_be_read_back() {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    for name in ["a.png", "a.exr", "a.hdr"] {
+        radiosa(dir.path(), &["render", "--size", "16x16", "--seed", "42", "--spp", "1", "-o", name]);
+        let output = radiosa(dir.path(), &["info", name]);
+        let recipe = text(&output.stdout);
+        assert!(recipe.contains("seed: 42") && recipe.contains("command: radiosa render"), "{name}: {recipe}");
+    }
+}
+
+#[test]
+fn the_same_command_writes_the_same_bytes_with_any_number_of_threads() {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    let render = |threads: &str| {
+        let name = format!("{threads}.hdr");
+        radiosa(dir.path(), &["render", "whitted", "--size", "80x60", "--threads", threads, "-o", &name]);
+        let bytes = std::fs::read(dir.path().join(name)).expect("written");
+        // The header names the command, the pixels follow the resolution line.
+        let start = bytes.windows(3).position(|w| w == b"\n-Y").expect("a Radiance picture");
+        bytes[start..].to_vec()
+    };
+    let one = render("1");
+    for n in ["2", "3", "7"] {
+        assert!(render(n) == one, "{n} threads");
+    }
+}
+
+#[test]
+fn every_built_in_scene_can_be_listed_exported_and_rendered() {
+    let (dir, output) = in_folder(&["scenes", "--json"]);
+    let list: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let scenes = list["scenes"].as_array().expect("a list");
+    assert!(scenes.len() >= 7, "{list}");
+    for scene in scenes {
+        let name = scene["name"].as_str().expect("a name");
+        assert!(radiosa(dir.path(), &["scenes", "export", name]).status.success(), "{name}");
+        let file = format!("{name}.toml");
+        let output = radiosa(dir.path(), &["render", &file, "--size", "24x18", "--spp", "1", "--emitters", "1", "-o", "x.png"]);
+        assert!(output.status.success(), "{name}: {}", text(&output.stderr));
+    }
+}
+
+#[test]
+fn a_time_budget_leaves_a_picture_and_says_how_much_is_done() {
+    let (dir, output) = in_folder(&["render", "room", "--time", "0.2s", "--size", "2000x1500", "--json", "-q", "-o", "r.png"]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert!(report["done"].as_f64().is_some_and(|d| d > 0.0 && d < 1.0), "{report}");
+    assert!(dir.path().join("r.png").exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_writes_what_there_is_and_ends_with_130() {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    let child = std::process::Command::new(assert_cmd::cargo::cargo_bin("radiosa"))
+        .current_dir(dir.path())
+        .args(["render", "room", "--size", "3000x2000", "--spp", "64", "-o", "r.png"])
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .expect("it starts");
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    let kill = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
+    assert!(kill.success());
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(130));
+    assert!(std::fs::read(dir.path().join("r.png")).is_ok_and(|b| b.starts_with(b"\x89PNG")));
+}
+
+#[test]
+fn version_as_json_names_the_cpu_path() {
+    let (_dir, output) = in_folder(&["--version", "--json"]);
+    let version: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(version["version"], env!("CARGO_PKG_VERSION"));
+    assert!(version["cpu_path"].is_string());
+}
