@@ -4,6 +4,7 @@
 //! left, `θ = π v` from +y and `φ = 2π (u − ½)`, a texel lies at `(sin θ sin φ, cos θ, −sin θ cos φ)`. Its solid angle is exact:
 //! `Δφ (cos θ₁ − cos θ₂)`, and so is its vector `∫ ω dω`, so that a map's irradiance has no error but at the horizon.
 
+use std::borrow::Cow;
 use std::f64::consts::PI;
 
 use rayon::prelude::*;
@@ -62,23 +63,21 @@ impl Sky {
     pub fn irradiance(&self, n: DVec3) -> [f64; 3] {
         match &self.radiance {
             Radiance::Constant(l) => l.to_array().map(|l| PI * f64::from(l)),
-            Radiance::Map(map) => map.irradiance(self.to_map * n),
+            Radiance::Map(map) => map.refined().irradiance(self.to_map * n),
         }
     }
 
     /// The environment as at most `n` directions of equal importance, `π L_i = ∫_cell L dω`: see [`mod@reduce`].
     pub fn reduce(&self, n: usize) -> Vec<Directional> {
         let to_scene = self.to_map.inverse();
-        let uniform;
         let map = match &self.radiance {
-            Radiance::Map(map) => map,
+            Radiance::Map(map) => map.refined(),
             Radiance::Constant(l) => {
                 let height = 2 * (n.clamp(1, 1 << 16) as f64).sqrt().ceil() as u32;
-                uniform = Map::constant(2 * height, height, *l);
-                &uniform
+                Cow::Owned(Map::constant(2 * height, height, *l))
             }
         };
-        let mut directions = reduce::reduce(map, n);
+        let mut directions = reduce::reduce(&map, n);
         for d in &mut directions {
             d.to_light = (to_scene * d.to_light).normalize();
         }
@@ -169,6 +168,17 @@ impl Map {
         [([column(x0), column(x0 + 1.0)], x - x0), ([j, (j + 1).min(h - 1)], y - y0)]
     }
 
+    /// The same light in texels of at most about 1.4°: integrals take a texel for small, which those of a coarse map are not.
+    pub(super) fn refined(&self) -> Cow<'_, Self> {
+        let (across, down) = (256u32.div_ceil(self.width), 128u32.div_ceil(self.height));
+        if across == 1 && down == 1 {
+            return Cow::Borrowed(self);
+        }
+        let (width, height) = (self.width * across, self.height * down);
+        let texels = (0..height).flat_map(|y| (0..width).map(move |x| self.texel(x / across, y / down))).collect();
+        Cow::Owned(Self { width, height, texels })
+    }
+
     fn irradiance(&self, n: DVec3) -> [f64; 3] {
         let columns = self.column_integrals();
         let mut e = [0.0; 3];
@@ -244,7 +254,7 @@ impl IrradianceTable {
         let nodes = match &sky.radiance {
             Radiance::Constant(l) => vec![*l * PI as f32],
             Radiance::Map(map) => {
-                let blocks = blocks(map);
+                let blocks = blocks(&map.refined());
                 let node = |i: usize| {
                     let theta = PI * (i / (2 * Self::ROWS)) as f64 / Self::ROWS as f64;
                     let phi = PI * (i % (2 * Self::ROWS)) as f64 / Self::ROWS as f64 - PI;
