@@ -208,6 +208,89 @@ fn a_picture_cut_off_or_bent_anywhere_is_an_error_or_a_picture() {
     });
 }
 
+/// Small EXR files in every compression, in scan lines and in tiles.
+fn exr_samples() -> Vec<(PathBuf, Vec<u8>)> {
+    use exr::prelude::*;
+    let mut samples = Vec::new();
+    let compressions = [
+        Compression::Uncompressed,
+        Compression::RLE,
+        Compression::ZIP1,
+        Compression::ZIP16,
+        Compression::PIZ,
+        Compression::PXR24,
+        Compression::B44,
+        Compression::B44A,
+        Compression::DWAA(None),
+        Compression::DWAB(None),
+    ];
+    for compression in compressions {
+        for blocks in [Blocks::ScanLines, Blocks::Tiles(Vec2(16, 16))] {
+            let value = |i: usize, c: usize| ((i * (c + 3)) % 37) as f32 * 0.1;
+            let halves = |c| FlatSamples::F16((0..45 * 35).map(|i| f16::from_f32(value(i, c))).collect());
+            let channels =
+                [("R", halves(0)), ("G", halves(1)), ("B", FlatSamples::F32((0..45 * 35).map(|i| value(i, 2)).collect()))];
+            let list = channels.into_iter().map(|(name, samples)| AnyChannel::new(name, samples)).collect();
+            let encoding = Encoding { compression, blocks, line_order: LineOrder::Increasing };
+            let layer = Layer::new((45, 35), LayerAttributes::named(""), encoding, AnyChannels::sort(list));
+            let mut bytes = std::io::Cursor::new(Vec::new());
+            Image::from_layer(layer).write().to_buffered(&mut bytes).expect("the crate writes what it reads");
+            samples.push((PathBuf::from(format!("{compression:?} in {blocks:?}")), bytes.into_inner()));
+        }
+    }
+    samples
+}
+
+/// Small pictures of the other kinds.
+fn raster_samples() -> Vec<(PathBuf, Vec<u8>)> {
+    use image::{DynamicImage, ImageFormat, RgbImage};
+    let picture = RgbImage::from_fn(45, 35, |x, y| image::Rgb([(x * 5) as u8, (y * 7) as u8, (x * y) as u8]));
+    let picture = DynamicImage::ImageRgb8(picture);
+    let encode = |picture: &DynamicImage, format: ImageFormat| {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        picture.write_to(&mut bytes, format).expect("the crate writes what it reads");
+        (PathBuf::from(format!("{format:?} {:?}", picture.color())), bytes.into_inner())
+    };
+    let grey = DynamicImage::ImageLuma8(picture.to_luma8());
+    let deep = DynamicImage::ImageRgba16(picture.to_rgba16());
+    let floats = DynamicImage::ImageRgb32F(picture.to_rgb32f());
+    vec![
+        encode(&picture, ImageFormat::Jpeg),
+        encode(&grey, ImageFormat::Jpeg),
+        encode(&picture, ImageFormat::WebP),
+        encode(&picture, ImageFormat::Png),
+        encode(&deep, ImageFormat::Png),
+        encode(&floats, ImageFormat::Hdr),
+    ]
+}
+
+#[test]
+fn a_picture_of_any_kind_and_compression_may_be_bent_anywhere() {
+    let _turn = TURN.lock().unwrap_or_else(|e| e.into_inner());
+    count_panics();
+    // More for a longer hunt.
+    let n: u32 = std::env::var("RADIOSA_MUTATIONS").ok().and_then(|n| n.parse().ok()).unwrap_or(60);
+    let mut tally = Tally::default();
+    for (name, good) in exr_samples().into_iter().chain(raster_samples()) {
+        assert!(tally.run(&name, || decode(&name, &good)), "{} should decode", name.display());
+        let mut state = 0x9e37_79b9_7f4a_7c15u64;
+        let mut random = |n: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize % n
+        };
+        for _ in 0..n {
+            let mut bent = good.clone();
+            for _ in 0..=random(4) {
+                // Half of the changes hit the header and the table, half the pixels.
+                let at = if random(2) == 0 { random(bent.len().min(500)) } else { random(bent.len()) };
+                bent[at] = [0, 1, 0x7f, 0x80, 0xff, random(256) as u8][random(6)];
+            }
+            tally.run(&name, || decode(&name, &bent));
+        }
+    }
+    tally.report("bent pictures");
+}
+
 #[test]
 fn every_valid_png_of_the_suite_decodes_to_its_size() {
     with_shared(|shared| {
@@ -278,7 +361,7 @@ fn load_and_render(path: &Path) -> Result<Film, radiosa::import::ImportError> {
     let world = World::prepare(scene, CpuPath::detect()).expect("what loads is valid");
     let camera = framing::automatic(&world, 1.0);
     let view = View::new(&camera, world.origin(), 8, 8);
-    let extra_lights = default_light::for_dark_scene(&world, &camera);
+    let extra_lights = default_light::lights(&camera);
     let method = RayCast::new(&world, &ray_cast::Settings { extra_lights, ..Default::default() }, view.forward());
     let settings = tiles::Settings { width: 8, height: 8, spp: 1, filter: Filter::Box, seed: 1, layers: vec![Layer::Color] };
     let mut render = tiles::TiledRender::new(&method, &view, settings).expect("the film is small");

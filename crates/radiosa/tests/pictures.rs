@@ -491,6 +491,32 @@ fn the_first_usable_group_of_channels_is_taken() {
     assert!(none.to_string().contains("Z, id"), "{none}");
 }
 
+#[test]
+fn every_compression_of_an_exr_is_read_even_where_little_stands_for_much() {
+    use exr::prelude::*;
+    let dwa = [Compression::DWAA(None), Compression::DWAB(None)];
+    let others = [Compression::Uncompressed, Compression::RLE, Compression::ZIP1, Compression::ZIP16, Compression::PIZ];
+    let lossy = [Compression::PXR24, Compression::B44, Compression::B44A];
+    for compression in others.into_iter().chain(lossy).chain(dwa) {
+        for is_constant in [true, false] {
+            let (w, h) = (517, 300);
+            let value = |i: usize, c: usize| if is_constant { 0.0 } else { 1.0 + (i % w) as f32 / 400.0 + c as f32 };
+            let half = |c| FlatSamples::F16((0..w * h).map(|i| f16::from_f32(value(i, c))).collect());
+            let list = ["R", "G", "B"].into_iter().zip(0..3).map(|(name, c)| AnyChannel::new(name, half(c))).collect();
+            let encoding = Encoding { compression, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+            let layer = Layer::new((w, h), LayerAttributes::named(""), encoding, AnyChannels::sort(list));
+            let mut bytes = std::io::Cursor::new(Vec::new());
+            Image::from_layer(layer).write().to_buffered(&mut bytes).unwrap();
+            let picture = decode(&bytes.into_inner());
+            for (i, rgba) in floats(&picture).chunks_exact(4).enumerate() {
+                for (c, v) in rgba[..3].iter().enumerate() {
+                    assert!((v - value(i, c)).abs() <= 0.02 * value(i, c), "{compression:?} {i} {c}: {v}");
+                }
+            }
+        }
+    }
+}
+
 // ---- Limits and refusals ----
 
 #[test]

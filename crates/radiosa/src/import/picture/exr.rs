@@ -86,6 +86,8 @@ pub(super) fn read(source: &Source) -> Result<Picture, ImportError> {
     let is_subsampled = header.channels.list.iter().any(|c| c.sampling != Vec2(1, 1));
     let chunks = if is_subsampled { subsampled::chunks(source, &meta)? } else { chunks(source, selection.part)? };
 
+    chunks.iter().try_for_each(|chunk| check_dwa(chunk, &header)).map_err(damaged)?;
+
     let mut picture = Planes::new(data, &header, &selection.roles);
     for batch in chunks.chunks(N_BLOCKS_AT_ONCE) {
         let blocks: Vec<_> = batch
@@ -240,11 +242,16 @@ fn bounded(
 }
 
 fn size_of_data(chunk: &Chunk) -> usize {
+    data(chunk).map_or(0, <[u8]>::len)
+}
+
+/// A block's compressed bytes.
+fn data(chunk: &Chunk) -> Option<&[u8]> {
     use exr::block::chunk::CompressedBlock::{ScanLine, Tile};
     match &chunk.compressed_block {
-        ScanLine(block) => block.compressed_pixels_le.len(),
-        Tile(block) => block.compressed_pixels_le.len(),
-        _ => 0,
+        ScanLine(block) => Some(&block.compressed_pixels_le),
+        Tile(block) => Some(&block.compressed_pixels_le),
+        _ => None,
     }
 }
 
@@ -261,6 +268,38 @@ fn decompress(chunk: &Chunk, meta: &MetaData) -> exr::error::Result<Block> {
     let block = UncompressedBlock::decompress_chunk(chunk.clone(), meta, false)?;
     let (position, size) = (block.index.pixel_position, block.index.pixel_size);
     Ok(Block { x: position.x(), y: position.y(), width: size.width(), height: size.height(), data: block.data })
+}
+
+/// Holds the sizes that a DWA block claims for its parts against what its pixels need and its bytes can hold: the decoder reserves
+/// them unseen, and the format can stand for so many pixels a byte that the size of the file says little.
+fn check_dwa(chunk: &Chunk, header: &Header) -> exr::error::Result<()> {
+    if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        return Ok(());
+    }
+    let Some(data) = data(chunk) else { return Ok(()) };
+    let place = header.get_block_data_indices(&chunk.compressed_block)?;
+    let size = header.get_absolute_block_pixel_coordinates(place)?.size;
+    let bytes = (size.area() * header.channels.bytes_per_pixel) as u64;
+    if data.len() as u64 == bytes {
+        return Ok(()); // stored as it is
+    }
+    let wrong = || exr::error::Error::Invalid("DWA block sizes".into());
+    let (counters, _) = data.as_chunks::<8>();
+    let counters: [u64; 11] = std::array::from_fn(|i| counters.get(i).map_or(u64::MAX, |c| u64::from_le_bytes(*c)));
+    let [_, other, other_packed, _, dc_packed, rle_packed, rle_tokens, rle, ac, dc, _] = counters;
+    // All are for whole squares of 8 x 8. Runs that do not pay make the bytes a little more than those they stand for.
+    let squares = (size.width().div_ceil(8) * size.height().div_ceil(8) * header.channels.list.len()) as u64;
+    let most = 2 * 4 * 64 * squares + 4096;
+    if [other, rle_tokens, rle, ac, dc].iter().any(|&n| n > most) {
+        return Err(wrong());
+    }
+    // Each square has one mean, of two bytes; the rest of the channels is stored byte by byte. Deflate ends at 1032 to one.
+    let inflates = |n: u64, packed: u64| n <= 1032 * packed.saturating_add(16).min(data.len() as u64);
+    let held = 128 * dc + other + rle;
+    if held < bytes / 4 || !inflates(2 * dc, dc_packed) || !inflates(other, other_packed) || !inflates(rle_tokens, rle_packed) {
+        return Err(wrong());
+    }
+    Ok(())
 }
 
 /// The channels of a picture as they are stored, in floats.
