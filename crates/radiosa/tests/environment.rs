@@ -136,6 +136,18 @@ fn the_table_of_irradiances_agrees_with_the_sum_over_texels() {
     }
 }
 
+#[test]
+fn a_constant_environment_reduces_to_directions_that_light_alike() {
+    let radiance = Environment { radiance: EnvironmentRadiance::Constant, ..environment(DQuat::IDENTITY, 256) };
+    let sky = Sky::new(&radiance, &[]);
+    let directions = sky.reduce(256);
+    assert_eq!(directions.len(), 256);
+    let truth = truth(&sky);
+    assert!(truth.iter().all(|(_, e)| (e[0] - 2.0 * PI).abs() < 1e-12 && (e[1] - PI).abs() < 1e-12));
+    let off = error(&truth, |n| reduced_irradiance(&directions, n));
+    assert!(off < 0.01, "{off}");
+}
+
 /// A map of 8 × 4 distinct texels.
 fn numbered() -> Image {
     let pixels: Vec<f32> = (0..32).flat_map(|i| [i as f32, 1.0, 2.0, 1.0]).collect();

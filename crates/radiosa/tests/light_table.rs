@@ -531,6 +531,10 @@ impl Case {
         each(|c| light[c] + self.lobe.diffuse[c] / PI * everywhere[c])
     }
 
+    fn copy(&self) -> Self {
+        Self { scene: self.scene.clone(), row: row_named(self.row.name), lobe: lobe_named(self.lobe.name), hidden: self.hidden }
+    }
+
     fn settings(&self) -> LightSettings {
         LightSettings {
             emitters: Emitters::Points { n: POINTS_A_SIDE, max: 1000 },
@@ -595,7 +599,39 @@ fn by_ray_casting(case: &Case, shadows: bool) -> Rgb {
 
 /// The methods that the table holds for: each gives the pixel, or `None` where it does not apply.
 type Method = fn(&Case) -> Option<Rgb>;
-const METHODS: [(&str, Method); 2] = [("emitters and lobes", by_hand), ("ray casting", |case| Some(by_ray_casting(case, true)))];
+const METHODS: [(&str, Method); 5] = [
+    ("emitters and lobes", by_hand),
+    ("ray casting", |case| Some(by_ray_casting(case, true))),
+    ("ray casting from behind", |case| {
+        // Reflection works on both sides: what is seen and lit from behind looks the same.
+        let mut case = case.copy();
+        let plane = &mut case.scene.meshes[0];
+        plane.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        Some(by_ray_casting(&case, true))
+    }),
+    ("ray casting far from the origin", |case| {
+        let mut case = case.copy();
+        translate(&mut case.scene, DVec3::new(1.0e6, -2.0e5, 3.0e5));
+        Some(by_ray_casting(&case, true))
+    }),
+    ("ray casting, the whole scene turned", |case| {
+        let mut case = case.copy();
+        let turn = DQuat::from_axis_angle(DVec3::new(1.0, -2.0, 0.5).normalize(), 2.1);
+        case.scene.transform(DMat3::from_quat(turn), 1.0);
+        Some(by_ray_casting(&case, true))
+    }),
+];
+
+/// Moves everything that has a place.
+fn translate(scene: &mut Scene, t: DVec3) {
+    scene.instances.iter_mut().for_each(|instance| instance.transform.translation += t);
+    scene.cameras.iter_mut().for_each(|camera| camera.position += t);
+    for light in &mut scene.lights {
+        if let LightKind::Point { position, .. } | LightKind::Spot { position, .. } = &mut light.kind {
+            *position += t;
+        }
+    }
+}
 
 /// Relative to the brightest channel, so that a channel that is nearly dark does not decide.
 fn difference(computed: Rgb, expected: Rgb) -> f64 {
@@ -651,9 +687,9 @@ fn a_wrong_table_is_caught() {
 
     // I_d where I_s belongs.
     let swapped = |case: &Case| {
-        let mut scene = case.scene.clone();
-        scene.lights.iter_mut().for_each(|light| std::mem::swap(&mut light.diffuse, &mut light.specular));
-        by_hand(&Case { scene, ..Case::new(row_named(case.row.name), lobe_named(case.lobe.name), case.hidden) })
+        let mut case = case.copy();
+        case.scene.lights.iter_mut().for_each(|light| std::mem::swap(&mut light.diffuse, &mut light.specular));
+        by_hand(&case)
     };
     let (_, wrong) = check(swapped, &Case::expected);
     assert!(wrong.len() > 50, "{}", wrong.len());
@@ -665,6 +701,25 @@ fn row_named(name: &str) -> Row {
 
 fn lobe_named(name: &str) -> Lobe {
     lobes().into_iter().find(|lobe| lobe.name == name).expect("a lobe of the table")
+}
+
+#[test]
+fn in_the_strict_local_model_emissive_surfaces_light_nothing() {
+    let case = Case::new(row_named("emissive surface"), lobe_named("Lambert"), false);
+    let world = World::prepare(case.scene.clone(), CpuPath::detect()).expect("a valid scene");
+    let view = View::new(&world.scene().cameras[0], world.origin(), 1, 1);
+    let lights = LightSettings { emitters: Emitters::Ignore, ..case.settings() };
+    let settings = ray_cast::Settings { lights, ..ray_cast::Settings::default() };
+    let integrator = RayCast::new(&world, &settings, view.forward());
+    let shown = |target: DVec3| {
+        let (p, _, v) = place();
+        let eye = p + v * EYE_DISTANCE;
+        let ray = radiosa::math::Ray::new(eye.as_vec3(), (target - eye).normalize().as_vec3());
+        let mut stream = radiosa::sampling::Stream::new(0, 0, 0);
+        rgb(radiosa::transport::Integrator::sample(&integrator, &world, &ray, &mut stream, &mut 0).color)
+    };
+    assert_eq!(shown(place().0), BLACK);
+    assert_eq!(shown(CORNER + (EDGES[0] + EDGES[1]) * 0.4), EMITTED, "it glows all the same");
 }
 
 #[test]

@@ -291,9 +291,9 @@ impl IrradianceTable {
     }
 }
 
-/// The map's `∫ L ω dω`, channel by channel, over at most 128 × 64 blocks of texels: irradiance seen in full depends on nothing else.
+/// The map's `∫ L ω dω`, channel by channel, over at most 64 × 32 blocks of texels: irradiance seen in full depends on nothing else.
 fn blocks(map: &Map) -> Vec<[Vec3; 3]> {
-    let (across, down) = (map.width.min(128), map.height.min(64));
+    let (across, down) = (map.width.min(64), map.height.min(32));
     let mut sums = vec![[DVec3::ZERO; 3]; (across * down) as usize];
     let columns = map.column_integrals();
     for y in 0..map.height {
