@@ -155,6 +155,8 @@ fn transmission_filters_what_lies_behind() {
     let model = Model::Phong(Phong {
         diffuse: ColorMap::constant(Spectrum::BLACK),
         transmission: Spectrum::new(0.5, 0.25, 0.0),
+        // Of index 1 nothing is reflected.
+        ior: 1.0,
         ..Phong::default()
     });
     let seen = centre_of(before_a_glow(Material { model, ..Material::default() }));
@@ -167,4 +169,57 @@ fn a_scene_without_light_is_never_black() {
     scene.materials[1] = Material::lambert("back", Spectrum::gray(0.5));
     let seen = centre_of(scene);
     assert!(seen.g > 0.2 && seen.g < 1.0, "{seen:?}");
+}
+
+/// A round mesh of `n` rings with smooth normals, or the exact sphere.
+fn ball(n: Option<u32>) -> Scene {
+    let mut scene = Scene::new("ball");
+    let geometry = match n {
+        None => Geometry::Sphere,
+        Some(n) => {
+            let columns = 2 * n;
+            let mut mesh = Mesh::default();
+            for i in 0..=n {
+                for j in 0..=columns {
+                    let (theta, phi) =
+                        (f64::from(i) * std::f64::consts::PI / f64::from(n), f64::from(j) * std::f64::consts::PI / f64::from(n));
+                    mesh.positions.push(DVec3::new(theta.sin() * phi.cos(), theta.cos(), -theta.sin() * phi.sin()));
+                }
+            }
+            let at = |i: u32, j: u32| i * (columns + 1) + j;
+            for i in 0..n {
+                for j in 0..columns {
+                    mesh.triangles.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+                    mesh.triangles.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+                }
+            }
+            mesh.normals = Some(mesh.positions.iter().map(|p| p.as_vec3()).collect());
+            scene.meshes.push(mesh);
+            Geometry::Mesh(radiosa::scene::MeshId(0))
+        }
+    };
+    scene.materials.push(Material::lambert("white", Spectrum::WHITE));
+    scene.instances.push(Instance {
+        name: String::new(),
+        geometry,
+        transform: DAffine3::IDENTITY,
+        material: Some(MaterialId(0)),
+        node: None,
+    });
+    let sun = radiosa::scene::LightKind::Distant { to_light: DVec3::new(1.0, 0.4, 0.1).normalize(), unit: Default::default() };
+    scene.lights.push(radiosa::scene::Light::new("sun", Spectrum::WHITE, sun));
+    let parallel = radiosa::scene::Projection::Orthographic { height: 1.2 };
+    scene.cameras.push(radiosa::scene::Camera::look_at("main", DVec3::Z * 4.0, DVec3::ZERO, DVec3::Y, parallel));
+    scene
+}
+
+#[test]
+fn a_coarse_round_mesh_has_no_steps_at_the_terminator() {
+    let exact = colors(&render(ball(None), 1, CpuPath::detect()));
+    let coarse = colors(&render(ball(Some(12)), 1, CpuPath::detect()));
+    let worst = exact.iter().zip(&coarse).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    // Interpolated normals differ from the sphere's by this much; a facet shadowing itself is off by 0.09.
+    let at = exact.iter().zip(&coarse).position(|(a, b)| (a - b).abs() == worst).unwrap_or(0);
+    let (x, y) = (at as u32 / 3 % SIZE, at as u32 / 3 / SIZE);
+    assert!(worst < 0.04, "off by {worst} at ({x}, {y}): {} instead of {}", coarse[at], exact[at]);
 }

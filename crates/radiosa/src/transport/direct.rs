@@ -3,6 +3,8 @@
 
 use super::{Shading, Surface, World};
 use crate::emitter::{Emitter, EnvironmentShadows, Incident, area};
+use crate::math::{Ray, Vec3};
+use crate::radiometry::lambertian_radiance;
 use crate::scene::Light;
 use crate::spectrum::Spectrum;
 
@@ -95,33 +97,66 @@ impl Lights {
     /// What every light does at a surface; `n_rays` grows by the shadow rays traced (none when `shadows` is off).
     pub fn at(&self, world: &World, surface: &Surface, shading: &Shading, shadows: bool, n_rays: &mut u64) -> LocalLight {
         let mut light = LocalLight { ambient: shading.bsdf.ambient() * self.ambient, ..LocalLight::default() };
+        let mut batch = Batch::new();
+        let shadow_origin = if shadows { world.shadow_origin(surface, shading.n) } else { *surface };
         for emitter in &self.emitters {
             // Light from everywhere at once: the diffuse lobe under its irradiance, no highlight.
-            light.diffuse += shading.bsdf.diffuse_reflectance() * emitter.irradiance(shading.n) * std::f32::consts::FRAC_1_PI;
+            light.diffuse += lambertian_radiance(shading.bsdf.diffuse_reflectance(), emitter.irradiance(shading.n));
             emitter.for_each_incident(surface.p, &mut |incident: Incident| {
                 if shading.n.dot(incident.wi) <= 0.0 {
                     return;
                 }
                 let lobes = shading.bsdf.evaluate_cos(shading.n, shading.wo, incident.wi);
-                let (mut diffuse, mut specular) = (lobes.diffuse * incident.diffuse, lobes.specular * incident.specular);
+                let (diffuse, specular) = (lobes.diffuse * incident.diffuse, lobes.specular * incident.specular);
                 if diffuse.is_black() && specular.is_black() {
                     return;
                 }
                 if shadows && incident.casts_shadow {
-                    let passed = visible(world, surface, &incident, n_rays);
-                    diffuse = diffuse * passed;
-                    specular = specular * passed;
+                    batch.push(shadow_ray(&shadow_origin, &incident), diffuse, specular);
+                    if batch.n == 8 {
+                        batch.flush(world, &mut light, n_rays);
+                    }
+                } else {
+                    light.diffuse += diffuse;
+                    light.specular += specular;
                 }
-                light.diffuse += diffuse;
-                light.specular += specular;
             });
         }
+        batch.flush(world, &mut light, n_rays);
         light
     }
 }
 
-/// The fraction of a light's light that reaches a surface past everything between.
-fn visible(world: &World, surface: &Surface, incident: &Incident, n_rays: &mut u64) -> Spectrum {
-    let ray = incident.target.map_or_else(|| surface.ray(incident.wi), |target| surface.segment_to(target));
-    world.transmittance(&ray, n_rays)
+/// From a surface to where light comes from.
+fn shadow_ray(surface: &Surface, incident: &Incident) -> Ray {
+    incident.target.map_or_else(|| surface.ray(incident.wi), |target| surface.segment_to(target))
+}
+
+/// Shadow rays of one point, asked eight at a time: towards an emitter's points they keep together, which packets like.
+struct Batch {
+    rays: [Ray; 8],
+    light: [(Spectrum, Spectrum); 8],
+    n: usize,
+}
+
+impl Batch {
+    fn new() -> Self {
+        Self { rays: [Ray::new(Vec3::ZERO, Vec3::Y); 8], light: [Default::default(); 8], n: 0 }
+    }
+
+    fn push(&mut self, ray: Ray, diffuse: Spectrum, specular: Spectrum) {
+        self.rays[self.n] = ray;
+        self.light[self.n] = (diffuse, specular);
+        self.n += 1;
+    }
+
+    /// Adds what arrives of the collected light, in the order it was collected.
+    fn flush(&mut self, world: &World, sum: &mut LocalLight, n_rays: &mut u64) {
+        let passed = world.transmittances(&self.rays, self.n, n_rays);
+        for ((diffuse, specular), passed) in self.light.iter().zip(passed).take(self.n) {
+            sum.diffuse += *diffuse * passed;
+            sum.specular += *specular * passed;
+        }
+        self.n = 0;
+    }
 }

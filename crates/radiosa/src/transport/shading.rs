@@ -98,16 +98,18 @@ impl World {
         Some((hit, self.surface(ray, &hit)))
     }
 
-    /// The fraction of light that passes along a segment, straight through everything transparent.
-    pub fn transmittance(&self, segment: &Ray, n_rays: &mut u64) -> Spectrum {
-        *n_rays += 1;
-        if !self.accel().occluded(segment) {
-            return Spectrum::WHITE;
+    /// The fractions of light that pass along the first `n` segments, straight through everything transparent. White for the rest.
+    pub fn transmittances(&self, segments: &[Ray; 8], n: usize, n_rays: &mut u64) -> [Spectrum; 8] {
+        let mut passed = [Spectrum::WHITE; 8];
+        *n_rays += n as u64;
+        let blocked = (0..n).fold(0, |mask, i| mask | u8::from(self.accel().occluded(&segments[i])) << i);
+        for (i, passed) in passed.iter_mut().enumerate().filter(|(i, _)| blocked >> i & 1 == 1) {
+            *passed = if self.has_transparency() { self.transmittance_of_blocked(&segments[i], n_rays) } else { Spectrum::BLACK };
         }
-        if self.has_transparency() { self.transmittance_of_blocked(segment, n_rays) } else { Spectrum::BLACK }
+        passed
     }
 
-    /// The same for a segment that is known to meet something.
+    /// The fraction for a segment that is known to meet something.
     fn transmittance_of_blocked(&self, segment: &Ray, n_rays: &mut u64) -> Spectrum {
         // What is opaque decides without order; only when nothing is, the rest is walked through from front to back.
         let opaque = |hit: &Hit| {

@@ -200,6 +200,17 @@ impl World {
         self.instances[id.index()].normal * n
     }
 
+    /// The vertex normals of a triangle in world coordinates; `None` where the mesh has none, or they are those of the flat triangle.
+    pub(super) fn vertex_normals(&self, id: InstanceId, tri: [u32; 3]) -> Option<[Vec3; 3]> {
+        let Geometry::Mesh(mesh) = self.scene.instances[id.index()].geometry else { return None };
+        let normals = self.scene.meshes[mesh.index()].normals.as_ref()?;
+        let own = tri.map(|i| normals[i as usize]);
+        if own[0] == own[1] && own[1] == own[2] {
+            return None;
+        }
+        Some(own.map(|n| self.normal_to_world(id, n.as_dvec3()).normalize_or_zero().as_vec3()))
+    }
+
     /// The vertex normals of a triangle, interpolated; `None` where the mesh has none that is usable.
     pub(super) fn interpolated_normal(&self, id: InstanceId, tri: [u32; 3], weights: [f32; 3]) -> Option<Vec3> {
         let Geometry::Mesh(mesh) = self.scene.instances[id.index()].geometry else { return None };
