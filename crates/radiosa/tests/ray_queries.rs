@@ -4,7 +4,7 @@
 #![allow(clippy::print_stderr, reason = "tests say what they skipped and how much they checked")]
 
 use glam::{Affine3A, DVec3, Quat, Vec3};
-use radiosa::accel::{Accel, Geometry, Hit, Placed, Shape, brute_force};
+use radiosa::accel::{Accel, Geometry, Hit, Occluder, Placed, Shape, brute_force};
 use radiosa::math::{CpuPath, Ray};
 use rayon::prelude::*;
 
@@ -375,6 +375,67 @@ fn both_processor_paths_give_the_same_hits() {
 }
 
 #[test]
+fn packets_give_the_hits_of_single_rays() {
+    for (i, (name, geometry)) in scenes().into_iter().enumerate() {
+        for path in [CpuPath::Avx2, CpuPath::Portable] {
+            let accel = Accel::build(geometry.clone(), path);
+            let mut rays = random_rays(&accel, 1_600, 200 + i as u64);
+            let mut r = Random(i as u64);
+            // Half of the packets are coherent: a common origin, or nearly, and directions close together.
+            for packet in rays.chunks_exact_mut(8).step_by(2) {
+                let first = packet[0];
+                let spread = first.dir.length() * [0.0, 1e-3, 0.05, 0.3][r.below(4)];
+                let moved = accel.bounds().extent() * [0.0, 0.0, 1e-3][r.below(3)];
+                for ray in packet {
+                    *ray = Ray { origin: first.origin + r.cube() * moved, dir: first.dir + r.cube() * spread, t_max: ray.t_max };
+                }
+            }
+            for packet in rays.as_chunks::<8>().0 {
+                let active = r.bits() as u8 | r.bits() as u8;
+                let (hits, blocked) = (accel.closest8(packet, active), accel.occluded8(packet, active));
+                for (i, ray) in packet.iter().enumerate() {
+                    let want = if active >> i & 1 != 0 { accel.closest(ray) } else { None };
+                    assert_eq!(hits[i], want, "{name}: ray {i} of {packet:?}");
+                    assert_eq!(blocked >> i & 1 != 0, want.is_some(), "{name}: ray {i} of {packet:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn pairs_of_patches_see_what_single_rays_see() {
+    let (mut n_blocked, mut n_rays) = (0, 0);
+    for (i, (name, geometry)) in scenes().into_iter().enumerate() {
+        for path in [CpuPath::Avx2, CpuPath::Portable] {
+            let accel = Accel::build(geometry.clone(), path);
+            let b = accel.bounds();
+            let mut r = Random(300 + i as u64);
+            let (mut occluder, mut blocked) = (Occluder::default(), vec![true; 3]);
+            for pair in 0..120 {
+                let place = |r: &mut Random| b.centre() + r.cube() * b.extent() * 0.5;
+                let (from, to) = (place(&mut r), place(&mut r));
+                let size = b.extent() * [0.0, 0.01, 0.1][r.below(3)];
+                let n = [0, 1, 7, 8, 16, 63, 64, 65, 200][pair % 9];
+                let rays: Vec<Ray> = (0..n)
+                    .map(|_| {
+                        let (p, q) = (from + r.cube() * size, to + r.cube() * size);
+                        let t_max = if r.below(200) == 0 { f32::INFINITY } else { 1.0 };
+                        Ray { origin: p, dir: q - p, t_max }
+                    })
+                    .collect();
+                accel.occluded_between(&rays, &mut occluder, &mut blocked);
+                let want: Vec<bool> = rays.iter().map(|ray| accel.occluded(ray)).collect();
+                assert_eq!(blocked, want, "{name}: {rays:?}");
+                n_blocked += want.iter().filter(|b| **b).count();
+                n_rays += n;
+            }
+        }
+    }
+    assert!(n_blocked > n_rays / 10 && n_blocked < n_rays * 9 / 10, "{n_blocked} of {n_rays}");
+}
+
+#[test]
 fn the_tree_does_not_depend_on_the_number_of_threads() {
     // The order in which a filter that refuses everything is asked tells much of the tree.
     let geometry = of_mesh(soup(60_000, 11));
@@ -443,6 +504,10 @@ fn odd_input_is_never_hit_and_never_panics() {
                 let sound = |h: Hit| h.t > 0.0 && h.t < ray.t_max && h.u.is_finite() && h.v.is_finite() && !nothing;
                 assert!(hit.is_none_or(sound), "{hit:?} on {ray:?}");
                 assert_eq!(accel.occluded(&ray), hit.is_some(), "{ray:?}");
+                assert_eq!(accel.closest8(&[ray; 8], 0xFF), [hit; 8], "{ray:?}");
+                let mut blocked = Vec::new();
+                accel.occluded_between(&[ray; 3], &mut Occluder::default(), &mut blocked);
+                assert_eq!(blocked, [hit.is_some(); 3], "{ray:?}");
             }
         }
     }

@@ -3,10 +3,13 @@
 use std::marker::PhantomData;
 
 use super::bvh::Bvh;
+use super::collect::{Any, Nearest};
 use super::lanes::{Cpu, Portable};
 use super::object::Kind;
+use super::packet::{self, Columns};
+use super::pair::{Occluder, occluded_between};
 use super::prepared::Prepared;
-use super::traverse::{self, Accept, Best, Visit};
+use super::traverse::{self, Accept, Always, Best, Visit};
 use super::{Accel, Hit};
 use crate::math::Ray;
 
@@ -49,6 +52,12 @@ kernels! {
     fn closest<A: Accept>(accel: &Accel, ray: &Ray, accept: &mut A) -> Option<Hit> = closest_in_scene;
     /// Whether the ray hits anything in the scene.
     fn occluded<A: Accept>(accel: &Accel, ray: &Ray, accept: &mut A) -> bool = occluded_in_scene;
+    /// The nearest hits of those of eight rays whose bits are set.
+    fn closest8<A: Accept>(accel: &Accel, rays: &[Ray; 8], active: u8) -> [Option<Hit>; 8] = closest8_in_scene;
+    /// Those of eight rays that hit anything.
+    fn occluded8<A: Accept>(accel: &Accel, rays: &[Ray; 8], active: u8) -> u8 = occluded8_in_scene;
+    /// Whether each of some rays between two patches hits anything.
+    fn occluded_between<A: Accept>(accel: &Accel, rays: &[Ray], occluder: &mut Occluder, blocked: &mut Vec<bool>) = occluded_between;
     /// Offers the nearest hit of a shared shape.
     fn closest_in_shape<A: Accept>(bvh: &Bvh, ray: &Ray, visit: &mut InShape<'_, A>, best: &mut Best) = closest_in_tree;
     /// Whether the ray hits anything of a shared shape.
@@ -67,6 +76,36 @@ fn closest_in_scene<C: Kernels, A: Accept>(accel: &Accel, ray: &Ray, accept: &mu
 fn occluded_in_scene<C: Kernels, A: Accept>(accel: &Accel, ray: &Ray, accept: &mut A) -> bool {
     let Some(prepared) = Prepared::new(ray, &accel.tree.bounds) else { return false };
     traverse::occluded::<C, _>(&accel.tree, &prepared, &mut InScene::<C, A>::new(accel, ray, accept), ray.t_max)
+}
+
+#[inline(always)]
+fn closest8_in_scene<C: Kernels, A>(accel: &Accel, rays: &[Ray; 8], active: u8) -> [Option<Hit>; 8] {
+    let columns = Columns::<C::Wide>::new(rays, &accel.tree.bounds);
+    let mut nearest = Nearest::<C>::new(accel, rays, columns.t_max);
+    let together = packet::trace::<C, _>(&accel.tree, &columns, u32::from(active), &mut nearest);
+    let mut hits = nearest.hits();
+    let mut alone = u32::from(active) & !together;
+    while alone != 0 {
+        let i = alone.trailing_zeros() as usize;
+        alone &= alone - 1;
+        hits[i] = C::closest(accel, &rays[i], &mut Always);
+    }
+    hits
+}
+
+#[inline(always)]
+fn occluded8_in_scene<C: Kernels, A>(accel: &Accel, rays: &[Ray; 8], active: u8) -> u8 {
+    let columns = Columns::<C::Wide>::new(rays, &accel.tree.bounds);
+    let mut any = Any::<C>::new(accel, rays, columns.t_max);
+    let together = packet::trace::<C, _>(&accel.tree, &columns, u32::from(active), &mut any);
+    let mut blocked = any.blocked;
+    let mut alone = u32::from(active) & !together;
+    while alone != 0 {
+        let i = alone.trailing_zeros() as usize;
+        alone &= alone - 1;
+        blocked |= u32::from(C::occluded(accel, &rays[i], &mut Always)) << i;
+    }
+    blocked as u8
 }
 
 #[inline(always)]

@@ -1,19 +1,19 @@
-//! Several f32 at once: the one vocabulary all kernels are written in, spoken by two processors.
+//! Eight f32 at once: the one vocabulary all kernels are written in, spoken by two processors.
 //!
 //! [`Portable`] is plain arrays: the compiler turns them into whatever the target's baseline has, each operation rounds once,
 //! nothing is ever fused, so the bits are the same on any processor. [`Avx2`] is 256-bit registers with fused multiply–add.
 //! `mul_add` is the only operation whose rounding differs between the two, and kernels use it only where the result is a bound
 //! with slack (the slab test), never where it reaches a hit: both processors give the same hits.
 
-/// `N` values of f32.
+/// Eight values of f32.
 ///
 /// `min` and `max` return the second operand when the comparison fails, as the SSE instructions do: `x.max(zero)` is never −0 or NaN.
-pub(super) trait Lanes<const N: usize>: Copy {
+pub(super) trait Lanes: Copy {
     /// One truth value a lane.
     type Mask: Copy;
     fn splat(x: f32) -> Self;
-    fn load(row: &[f32; N]) -> Self;
-    fn store(self) -> [f32; N];
+    fn load(row: &[f32; 8]) -> Self;
+    fn store(self) -> [f32; 8];
     fn add(self, b: Self) -> Self;
     fn sub(self, b: Self) -> Self;
     fn mul(self, b: Self) -> Self;
@@ -24,27 +24,47 @@ pub(super) trait Lanes<const N: usize>: Copy {
     fn max(self, b: Self) -> Self;
     fn abs(self) -> Self;
     fn neg(self) -> Self;
+    /// The smallest lane; NaN is passed over or not.
+    fn least(self) -> f32;
+    /// The largest lane; NaN is passed over or not.
+    fn greatest(self) -> f32;
     /// False where either is NaN, like all comparisons here.
     fn le(self, b: Self) -> Self::Mask;
     fn lt(self, b: Self) -> Self::Mask;
-    #[expect(dead_code, reason = "for packets")]
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
     fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
     fn either(a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// Lane `i` in bit `i`.
     fn bits(mask: Self::Mask) -> u32;
     /// Bit `i` in lane `i`.
-    #[expect(dead_code, reason = "for packets")]
     fn mask(bits: u32) -> Self::Mask;
 }
 
-/// Triangles in a block.
-pub(super) const BLOCK: usize = 4;
+/// `[f(0), f(1), f(2)]`, written out: `array::from_fn` and closures are functions compiled for the baseline, and whatever of them is not inlined into a
+/// kernel drags its vectors through memory and calls.
+macro_rules! xyz {
+    ($k:ident => $f:expr) => {
+        [
+            {
+                let $k = 0;
+                $f
+            },
+            {
+                let $k = 1;
+                $f
+            },
+            {
+                let $k = 2;
+                $f
+            },
+        ]
+    };
+}
+pub(super) use xyz;
 
-/// A processor: how wide its node and triangle kernels are is fixed, what they are made of is not.
+/// A processor: what its lanes are made of.
 pub(super) trait Cpu {
-    type Wide: Lanes<8>;
-    type Narrow: Lanes<BLOCK>;
+    type Wide: Lanes;
     /// Asks for the first cache lines at this place.
     fn prefetch<T>(place: &T);
 }
@@ -53,8 +73,7 @@ pub(super) trait Cpu {
 pub(super) struct Portable;
 
 impl Cpu for Portable {
-    type Wide = Plain<8>;
-    type Narrow = Plain<BLOCK>;
+    type Wide = Plain;
     #[inline(always)]
     fn prefetch<T>(_place: &T) {}
 }
@@ -62,25 +81,25 @@ impl Cpu for Portable {
 /// An array that the compiler may vectorise.
 #[derive(Clone, Copy)]
 #[repr(align(16))]
-pub(super) struct Plain<const N: usize>([f32; N]);
+pub(super) struct Plain([f32; 8]);
 
 #[inline(always)]
-fn zip<A: Copy, R, const N: usize>(a: [A; N], b: [A; N], f: impl Fn(A, A) -> R) -> [R; N] {
+fn zip<A: Copy, R>(a: [A; 8], b: [A; 8], f: impl Fn(A, A) -> R) -> [R; 8] {
     std::array::from_fn(|i| f(a[i], b[i]))
 }
 
-impl<const N: usize> Lanes<N> for Plain<N> {
-    type Mask = [bool; N];
+impl Lanes for Plain {
+    type Mask = [bool; 8];
     #[inline(always)]
     fn splat(x: f32) -> Self {
-        Self([x; N])
+        Self([x; 8])
     }
     #[inline(always)]
-    fn load(row: &[f32; N]) -> Self {
+    fn load(row: &[f32; 8]) -> Self {
         Self(*row)
     }
     #[inline(always)]
-    fn store(self) -> [f32; N] {
+    fn store(self) -> [f32; 8] {
         self.0
     }
     #[inline(always)]
@@ -120,6 +139,14 @@ impl<const N: usize> Lanes<N> for Plain<N> {
         Self(self.0.map(|a| -a))
     }
     #[inline(always)]
+    fn least(self) -> f32 {
+        self.0.into_iter().fold(f32::INFINITY, f32::min)
+    }
+    #[inline(always)]
+    fn greatest(self) -> f32 {
+        self.0.into_iter().fold(f32::NEG_INFINITY, f32::max)
+    }
+    #[inline(always)]
     fn le(self, b: Self) -> Self::Mask {
         zip(self.0, b.0, |a, b| a <= b)
     }
@@ -141,7 +168,7 @@ impl<const N: usize> Lanes<N> for Plain<N> {
     }
     #[inline(always)]
     fn bits(mask: Self::Mask) -> u32 {
-        (0..N).fold(0, |bits, i| bits | u32::from(mask[i]) << i)
+        (0..8).fold(0, |bits, i| bits | u32::from(mask[i]) << i)
     }
     #[inline(always)]
     fn mask(bits: u32) -> Self::Mask {
@@ -163,14 +190,13 @@ mod avx2 {
 
     use std::arch::x86_64::*;
 
-    use super::{BLOCK, Cpu, Lanes};
+    use super::{Cpu, Lanes};
 
     /// 256-bit vectors with fused multiply–add.
     pub(in super::super) struct Avx2;
 
     impl Cpu for Avx2 {
         type Wide = F8;
-        type Narrow = F4;
         #[inline(always)]
         fn prefetch<T>(place: &T) {
             let p = std::ptr::from_ref(place).cast::<i8>();
@@ -185,94 +211,107 @@ mod avx2 {
         }
     }
 
-    macro_rules! lanes {
-        ($name:ident, $raw:ident, $n:expr, $load:ident, $store:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident,
-         $min:ident, $max:ident, $and:ident, $andnot:ident, $or:ident, $xor:ident, $cmp:ident, $blend:ident, $movemask:ident, $from_bits:expr) => {
-            #[derive(Clone, Copy)]
-            pub(in super::super) struct $name($raw);
+    /// All lanes by an associative operation: halves, quarters, pairs.
+    macro_rules! reduce {
+        ($v:expr, $f:ident) => {{
+            let v = $v;
+            let v = $f(_mm256_castps256_ps128(v), _mm256_extractf128_ps::<1>(v));
+            let v = $f(v, _mm_movehl_ps(v, v));
+            _mm_cvtss_f32($f(v, _mm_shuffle_ps::<1>(v, v)))
+        }};
+    }
 
-            impl Lanes<$n> for $name {
-                type Mask = $raw;
-                #[inline(always)]
-                fn splat(x: f32) -> Self {
-                    unsafe { Self($splat(x)) }
-                }
-                #[inline(always)]
-                fn load(row: &[f32; $n]) -> Self {
-                    unsafe { Self($load(row.as_ptr())) }
-                }
-                #[inline(always)]
-                fn store(self) -> [f32; $n] {
-                    let mut out = [0.0; $n];
-                    unsafe { $store(out.as_mut_ptr(), self.0) };
-                    out
-                }
-                #[inline(always)]
-                fn add(self, b: Self) -> Self {
-                    unsafe { Self($add(self.0, b.0)) }
-                }
-                #[inline(always)]
-                fn sub(self, b: Self) -> Self {
-                    unsafe { Self($sub(self.0, b.0)) }
-                }
-                #[inline(always)]
-                fn mul(self, b: Self) -> Self {
-                    unsafe { Self($mul(self.0, b.0)) }
-                }
-                #[inline(always)]
-                fn div(self, b: Self) -> Self {
-                    unsafe { Self($div(self.0, b.0)) }
-                }
-                #[inline(always)]
-                fn mul_add(self, b: Self, c: Self) -> Self {
-                    unsafe { Self($fma(self.0, b.0, c.0)) }
-                }
-                #[inline(always)]
-                fn min(self, b: Self) -> Self {
-                    unsafe { Self($min(self.0, b.0)) }
-                }
-                #[inline(always)]
-                fn max(self, b: Self) -> Self {
-                    unsafe { Self($max(self.0, b.0)) }
-                }
-                #[inline(always)]
-                fn abs(self) -> Self {
-                    unsafe { Self($andnot($splat(-0.0), self.0)) }
-                }
-                #[inline(always)]
-                fn neg(self) -> Self {
-                    unsafe { Self($xor($splat(-0.0), self.0)) }
-                }
-                #[inline(always)]
-                fn le(self, b: Self) -> Self::Mask {
-                    unsafe { $cmp::<_CMP_LE_OQ>(self.0, b.0) }
-                }
-                #[inline(always)]
-                fn lt(self, b: Self) -> Self::Mask {
-                    unsafe { $cmp::<_CMP_LT_OQ>(self.0, b.0) }
-                }
-                #[inline(always)]
-                fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
-                    unsafe { Self($blend(no.0, yes.0, mask)) }
-                }
-                #[inline(always)]
-                fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask {
-                    unsafe { $and(a, b) }
-                }
-                #[inline(always)]
-                fn either(a: Self::Mask, b: Self::Mask) -> Self::Mask {
-                    unsafe { $or(a, b) }
-                }
-                #[inline(always)]
-                fn bits(mask: Self::Mask) -> u32 {
-                    unsafe { $movemask(mask) as u32 }
-                }
-                #[inline(always)]
-                fn mask(bits: u32) -> Self::Mask {
-                    unsafe { $from_bits(bits as i32) }
-                }
-            }
-        };
+    #[derive(Clone, Copy)]
+    pub(in super::super) struct F8(__m256);
+
+    impl Lanes for F8 {
+        type Mask = __m256;
+        #[inline(always)]
+        fn splat(x: f32) -> Self {
+            unsafe { Self(_mm256_set1_ps(x)) }
+        }
+        #[inline(always)]
+        fn load(row: &[f32; 8]) -> Self {
+            unsafe { Self(_mm256_loadu_ps(row.as_ptr())) }
+        }
+        #[inline(always)]
+        fn store(self) -> [f32; 8] {
+            let mut out = [0.0; 8];
+            unsafe { _mm256_storeu_ps(out.as_mut_ptr(), self.0) };
+            out
+        }
+        #[inline(always)]
+        fn add(self, b: Self) -> Self {
+            unsafe { Self(_mm256_add_ps(self.0, b.0)) }
+        }
+        #[inline(always)]
+        fn sub(self, b: Self) -> Self {
+            unsafe { Self(_mm256_sub_ps(self.0, b.0)) }
+        }
+        #[inline(always)]
+        fn mul(self, b: Self) -> Self {
+            unsafe { Self(_mm256_mul_ps(self.0, b.0)) }
+        }
+        #[inline(always)]
+        fn div(self, b: Self) -> Self {
+            unsafe { Self(_mm256_div_ps(self.0, b.0)) }
+        }
+        #[inline(always)]
+        fn mul_add(self, b: Self, c: Self) -> Self {
+            unsafe { Self(_mm256_fmadd_ps(self.0, b.0, c.0)) }
+        }
+        #[inline(always)]
+        fn min(self, b: Self) -> Self {
+            unsafe { Self(_mm256_min_ps(self.0, b.0)) }
+        }
+        #[inline(always)]
+        fn max(self, b: Self) -> Self {
+            unsafe { Self(_mm256_max_ps(self.0, b.0)) }
+        }
+        #[inline(always)]
+        fn abs(self) -> Self {
+            unsafe { Self(_mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0)) }
+        }
+        #[inline(always)]
+        fn neg(self) -> Self {
+            unsafe { Self(_mm256_xor_ps(_mm256_set1_ps(-0.0), self.0)) }
+        }
+        #[inline(always)]
+        fn least(self) -> f32 {
+            unsafe { reduce!(self.0, _mm_min_ps) }
+        }
+        #[inline(always)]
+        fn greatest(self) -> f32 {
+            unsafe { reduce!(self.0, _mm_max_ps) }
+        }
+        #[inline(always)]
+        fn le(self, b: Self) -> Self::Mask {
+            unsafe { _mm256_cmp_ps::<_CMP_LE_OQ>(self.0, b.0) }
+        }
+        #[inline(always)]
+        fn lt(self, b: Self) -> Self::Mask {
+            unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, b.0) }
+        }
+        #[inline(always)]
+        fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
+            unsafe { Self(_mm256_blendv_ps(no.0, yes.0, mask)) }
+        }
+        #[inline(always)]
+        fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask {
+            unsafe { _mm256_and_ps(a, b) }
+        }
+        #[inline(always)]
+        fn either(a: Self::Mask, b: Self::Mask) -> Self::Mask {
+            unsafe { _mm256_or_ps(a, b) }
+        }
+        #[inline(always)]
+        fn bits(mask: Self::Mask) -> u32 {
+            unsafe { _mm256_movemask_ps(mask) as u32 }
+        }
+        #[inline(always)]
+        fn mask(bits: u32) -> Self::Mask {
+            unsafe { mask8(bits as i32) }
+        }
     }
 
     #[inline(always)]
@@ -282,61 +321,4 @@ mod avx2 {
             _mm256_castsi256_ps(_mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(bits), lane), lane))
         }
     }
-
-    #[inline(always)]
-    unsafe fn mask4(bits: i32) -> __m128 {
-        unsafe {
-            let lane = _mm_setr_epi32(1, 2, 4, 8);
-            _mm_castsi128_ps(_mm_cmpeq_epi32(_mm_and_si128(_mm_set1_epi32(bits), lane), lane))
-        }
-    }
-
-    lanes!(
-        F8,
-        __m256,
-        8,
-        _mm256_loadu_ps,
-        _mm256_storeu_ps,
-        _mm256_set1_ps,
-        _mm256_add_ps,
-        _mm256_sub_ps,
-        _mm256_mul_ps,
-        _mm256_div_ps,
-        _mm256_fmadd_ps,
-        _mm256_min_ps,
-        _mm256_max_ps,
-        _mm256_and_ps,
-        _mm256_andnot_ps,
-        _mm256_or_ps,
-        _mm256_xor_ps,
-        _mm256_cmp_ps,
-        _mm256_blendv_ps,
-        _mm256_movemask_ps,
-        mask8
-    );
-    lanes!(
-        F4,
-        __m128,
-        4,
-        _mm_loadu_ps,
-        _mm_storeu_ps,
-        _mm_set1_ps,
-        _mm_add_ps,
-        _mm_sub_ps,
-        _mm_mul_ps,
-        _mm_div_ps,
-        _mm_fmadd_ps,
-        _mm_min_ps,
-        _mm_max_ps,
-        _mm_and_ps,
-        _mm_andnot_ps,
-        _mm_or_ps,
-        _mm_xor_ps,
-        _mm_cmp_ps,
-        _mm_blendv_ps,
-        _mm_movemask_ps,
-        mask4
-    );
-
-    const _: () = assert!(BLOCK == 4 || BLOCK == 8, "one of the two widths above");
 }

@@ -5,12 +5,12 @@ use super::triangle::VERTEX_ERROR;
 use crate::math::{Bounds, DVec3, Ray, Vec3};
 
 /// A direction component smaller than this part of the longest is taken as this part in the slab test, so that no reciprocal is infinite.
-const SMALLEST_SLOPE: f32 = 1.0 / (1u64 << 60) as f32;
+pub(super) const SMALLEST_SLOPE: f32 = 1.0 / (1u64 << 60) as f32;
 
 /// Rounding error of `plane·inv − o·inv`, in parts of `|o·inv|`: one each for the product and for adding the slack, two for what the
 /// reciprocal and the sum do to the part of the distance that is the origin's; the plane's part is in the boxes (`bvh::PLANE_SLACK`), as
 /// [Ize13] (*Robust BVH Ray Traversal*) puts all of it in the far distance.
-const ORIGIN_SLACK: f32 = 8.0 * 0.5 * f32::EPSILON;
+pub(super) const ORIGIN_SLACK: f32 = 8.0 * 0.5 * f32::EPSILON;
 
 /// A ray made ready for one [`Bvh`](super::bvh::Bvh).
 #[derive(Clone, Copy)]

@@ -3,8 +3,8 @@
 use std::mem::MaybeUninit;
 
 use super::Hit;
-use super::bvh::{Block, Bvh, Child, Node, STACK, WIDTH};
-use super::lanes::{BLOCK, Cpu, Lanes};
+use super::bvh::{Block, Bvh, Child, Node, STACK};
+use super::lanes::{Cpu, Lanes};
 use super::prepared::Prepared;
 use super::triangle::{self, Found};
 use crate::math::{DVec3, Vec3};
@@ -73,6 +73,9 @@ pub(super) trait Visit {
     fn occluded(&mut self, object: usize, t_max: f32) -> bool;
     /// Added to a block's instance ids.
     fn instance(&self) -> u32;
+    /// Told which block of the tree blocked a ray.
+    #[inline(always)]
+    fn blocked_by(&mut self, _block: usize) {}
 }
 
 /// A stack without start-up cost.
@@ -107,7 +110,7 @@ impl<T: Copy> Stack<T> {
 
     /// Puts the last `n` in descending order, by insertion: there are at most eight.
     #[inline(always)]
-    fn sort_last(&mut self, n: usize)
+    pub(super) fn sort_last(&mut self, n: usize)
     where
         T: Ord,
     {
@@ -136,7 +139,7 @@ pub(super) struct Slabs<L> {
     far_row: [usize; 3],
 }
 
-impl<L: Lanes<WIDTH>> Slabs<L> {
+impl<L: Lanes> Slabs<L> {
     #[inline(always)]
     pub(super) fn new(ray: &Prepared) -> Self {
         Self {
@@ -165,6 +168,17 @@ fn key(t: f32, child: Child) -> u64 {
     u64::from(t.to_bits()) << 32 | u64::from(child.0)
 }
 
+/// The nearest entry of the stack that is not behind `t_max`.
+#[inline(always)]
+fn pop(stack: &mut Stack<u64>, t_max: f32) -> Option<Child> {
+    loop {
+        let k = stack.pop()?;
+        if f32::from_bits((k >> 32) as u32) <= t_max {
+            return Some(Child(k as u32));
+        }
+    }
+}
+
 /// Offers the nearest hit of a tree to `best`.
 #[inline(always)]
 pub(super) fn closest<C: Cpu, V: Visit>(bvh: &Bvh, ray: &Prepared, visit: &mut V, best: &mut Best) {
@@ -174,32 +188,49 @@ pub(super) fn closest<C: Cpu, V: Visit>(bvh: &Bvh, ray: &Prepared, visit: &mut V
     let mut t_max = best.hit.t * ray.inv_scale;
     loop {
         let (mut mask, enter) = slabs.test(node, C::Wide::splat(t_max));
-        let next = if mask & mask.wrapping_sub(1) == 0 {
-            (mask != 0).then(|| node.child(mask.trailing_zeros()))
-        } else {
-            let enter = enter.store();
-            let mut n = 0;
-            while mask != 0 {
-                let lane = mask.trailing_zeros();
+        let mut next = None;
+        if mask != 0 {
+            let lane = mask.trailing_zeros();
+            mask &= mask - 1;
+            let first = node.child(lane);
+            prefetch::<C>(bvh, first);
+            if mask == 0 {
+                next = Some(first);
+            } else {
+                let enter = enter.store();
+                let other = mask.trailing_zeros();
                 mask &= mask - 1;
-                let child = node.child(lane);
-                prefetch::<C>(bvh, child);
-                stack.push(key(enter[lane as usize & 7], child));
-                n += 1;
+                let (mut near, mut far) =
+                    (key(enter[lane as usize & 7], first), key(enter[other as usize & 7], node.child(other)));
+                prefetch::<C>(bvh, Child(far as u32));
+                if far < near {
+                    (near, far) = (far, near);
+                }
+                if mask == 0 {
+                    stack.push(far);
+                    next = Some(Child(near as u32));
+                } else {
+                    stack.push(far);
+                    stack.push(near);
+                    let mut n = 2;
+                    while mask != 0 {
+                        let lane = mask.trailing_zeros();
+                        mask &= mask - 1;
+                        let child = node.child(lane);
+                        prefetch::<C>(bvh, child);
+                        stack.push(key(enter[lane as usize & 7], child));
+                        n += 1;
+                    }
+                    stack.sort_last(n);
+                    next = stack.pop().map(|k| Child(k as u32));
+                }
             }
-            stack.sort_last(n);
-            stack.pop().map(|k| Child(k as u32))
-        };
-        let mut next = next;
+        } else {
+            next = pop(&mut stack, t_max).or(next);
+        }
         // Leaves until there is a node again.
         loop {
-            let Some(child) = next else {
-                match pop(&mut stack, t_max) {
-                    Some(child) => next = Some(child),
-                    None => return,
-                }
-                continue;
-            };
+            let Some(child) = next else { return };
             if let Some(index) = child.as_node() {
                 node = &bvh.nodes[index];
                 break;
@@ -213,18 +244,7 @@ pub(super) fn closest<C: Cpu, V: Visit>(bvh: &Bvh, ray: &Prepared, visit: &mut V
                 }
             }
             t_max = best.hit.t * ray.inv_scale;
-            next = None;
-        }
-    }
-}
-
-/// The nearest entry of the stack that is not behind `t_max`.
-#[inline(always)]
-fn pop(stack: &mut Stack<u64>, t_max: f32) -> Option<Child> {
-    loop {
-        let k = stack.pop()?;
-        if f32::from_bits((k >> 32) as u32) <= t_max {
-            return Some(Child(k as u32));
+            next = pop(&mut stack, t_max);
         }
     }
 }
@@ -244,7 +264,7 @@ pub(super) fn prefetch<C: Cpu>(bvh: &Bvh, child: Child) {
 
 #[inline(always)]
 fn leaf_closest<C: Cpu, V: Visit>(block: &Block, ray: &Prepared, visit: &mut V, best: &mut Best, t_max: f32) {
-    if let Some(found) = triangle::test::<C::Narrow>(ray, block, t_max)
+    if let Some(found) = triangle::test::<C::Wide>(ray, block, t_max)
         && found.sure | found.unsure != 0
     {
         take(block, ray, visit, best, &found);
@@ -253,7 +273,7 @@ fn leaf_closest<C: Cpu, V: Visit>(block: &Block, ray: &Prepared, visit: &mut V, 
 
 /// Offers the lanes that passed the test.
 #[inline(always)]
-fn take<L: Lanes<BLOCK>, V: Visit>(block: &Block, ray: &Prepared, visit: &mut V, best: &mut Best, found: &Found<L, BLOCK>) {
+fn take<L: Lanes, V: Visit>(block: &Block, ray: &Prepared, visit: &mut V, best: &mut Best, found: &Found<L>) {
     let (t, u, v) = (found.t.store(), found.u.store(), found.v.store());
     let base = visit.instance();
     let mut lanes = found.sure | found.unsure;
@@ -292,14 +312,17 @@ pub(super) fn occluded<C: Cpu, V: Visit>(bvh: &Bvh, ray: &Prepared, visit: &mut 
         let (mut mask, _) = slabs.test(node, end);
         let mut next = None;
         if mask != 0 {
-            next = Some(node.child(mask.trailing_zeros()));
+            // The builder put the most promising child first.
+            let first = mask.trailing_zeros();
             mask &= mask - 1;
             while mask != 0 {
-                let child = node.child(mask.trailing_zeros());
+                let lane = 31 - mask.leading_zeros();
+                mask ^= 1 << lane;
+                let child = node.child(lane);
                 prefetch::<C>(bvh, child);
                 stack.push(child);
-                mask &= mask - 1;
             }
+            next = Some(node.child(first));
         }
         loop {
             let Some(child) = next.take().or_else(|| stack.pop()) else { return false };
@@ -312,8 +335,10 @@ pub(super) fn occluded<C: Cpu, V: Visit>(bvh: &Bvh, ray: &Prepared, visit: &mut 
                     return true;
                 }
             } else {
-                for block in &bvh.blocks[child.as_blocks()] {
+                let range = child.as_blocks();
+                for (i, block) in bvh.blocks[range.clone()].iter().enumerate() {
                     if leaf_occluded::<C, V>(block, ray, visit, t_max) {
+                        visit.blocked_by(range.start + i);
                         return true;
                     }
                 }
@@ -324,7 +349,7 @@ pub(super) fn occluded<C: Cpu, V: Visit>(bvh: &Bvh, ray: &Prepared, visit: &mut 
 
 #[inline(always)]
 pub(super) fn leaf_occluded<C: Cpu, V: Visit>(block: &Block, ray: &Prepared, visit: &mut V, t_max: f32) -> bool {
-    let Some(found) = triangle::test::<C::Narrow>(ray, block, t_max * ray.inv_scale) else { return false };
+    let Some(found) = triangle::test::<C::Wide>(ray, block, t_max * ray.inv_scale) else { return false };
     if found.sure | found.unsure == 0 {
         return false;
     }

@@ -21,7 +21,7 @@
 //! every true hit through the first test; lanes that pass get their own.
 
 use super::bvh::Block;
-use super::lanes::{BLOCK, Lanes};
+use super::lanes::{Lanes, xyz};
 use super::prepared::Prepared;
 use crate::math::DVec3;
 
@@ -38,7 +38,7 @@ const EDGE_ERROR: f32 = 21.0 * EPSILON;
 pub(super) const VERTEX_ERROR: f32 = 8.0 * EPSILON;
 
 /// Lanes of a block that the ray may hit.
-pub(super) struct Found<L, const N: usize> {
+pub(super) struct Found<L> {
     /// Lanes that are hit, within the range of `t`.
     pub sure: u32,
     /// Lanes for [`precise`] to decide.
@@ -53,29 +53,21 @@ pub(super) struct Found<L, const N: usize> {
 
 /// Tests one ray against a block; `t` in `(0, t_max]`. `None` when no lane can be hit, by far the most frequent answer.
 #[inline(always)]
-pub(super) fn test<L: Lanes<BLOCK>>(ray: &Prepared, block: &Block, t_max: f32) -> Option<Found<L, BLOCK>> {
+pub(super) fn test<L: Lanes>(ray: &Prepared, block: &Block, t_max: f32) -> Option<Found<L>> {
     let [kx, ky, kz] = ray.axes;
     let o = |k: usize| L::splat(ray.o[k]);
     let relative = |k: usize, vertex: usize| L::load(&block.vertices[k][vertex]).sub(o(k));
     let (sx, sy) = (L::splat(ray.shear[0]), L::splat(ray.shear[1]));
-    let z: [L; 3] = std::array::from_fn(|i| relative(kz, i));
-    let x: [L; 3] = std::array::from_fn(|i| relative(kx, i).sub(sx.mul(z[i])));
-    let y: [L; 3] = std::array::from_fn(|i| relative(ky, i).sub(sy.mul(z[i])));
+    let z: [L; 3] = xyz!(i => relative(kz, i));
+    let x: [L; 3] = xyz!(i => relative(kx, i).sub(sx.mul(z[i])));
+    let y: [L; 3] = xyz!(i => relative(ky, i).sub(sy.mul(z[i])));
     let extent = block.extent + ray.vertex_error;
-    resolve::<L, BLOCK>(x, y, z, L::splat(extent), L::splat(ray.reach), L::splat(ray.inv_z), L::splat(t_max))
+    resolve(x, y, z, L::splat(extent), L::splat(ray.reach), L::splat(ray.inv_z), L::splat(t_max))
 }
 
 /// The part of the test that is the same for one ray and many triangles, and for many rays and one triangle.
 #[inline(always)]
-pub(super) fn resolve<L: Lanes<N>, const N: usize>(
-    x: [L; 3],
-    y: [L; 3],
-    z: [L; 3],
-    extent: L,
-    reach: L,
-    inv_z: L,
-    t_max: L,
-) -> Option<Found<L, N>> {
+pub(super) fn resolve<L: Lanes>(x: [L; 3], y: [L; 3], z: [L; 3], extent: L, reach: L, inv_z: L, t_max: L) -> Option<Found<L>> {
     let u = x[2].mul(y[1]).sub(y[2].mul(x[1]));
     let v = x[0].mul(y[2]).sub(y[0].mul(x[2]));
     let w = x[1].mul(y[0]).sub(y[1].mul(x[0]));

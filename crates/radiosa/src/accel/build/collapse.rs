@@ -12,22 +12,25 @@
 
 use super::Source;
 use super::binary::Node2;
-use crate::accel::bvh::{Block, Bvh, Child, MAX_DEPTH, Node, WIDTH};
-use crate::accel::lanes::BLOCK;
+use crate::accel::bvh::{BLOCK, Block, Bvh, Child, MAX_DEPTH, Node, WIDTH};
 use crate::math::{Bounds, Vec3};
 
 /// Cost of visiting a node; of a block of triangles; of an object, which is mostly another tree.
 const NODE_COST: f32 = 1.0;
-const BLOCK_COST: f32 = 0.7;
+const BLOCK_COST: f32 = 0.9;
 const OBJECT_COST: f32 = 4.0;
 
 /// Margin of all boxes, in parts of the tree's largest extent, for directions so oblique that the slab test takes another slope.
 const MARGIN: f32 = 1e-12;
 
-/// Costs of a subtree as at most 1, 2, … 8 children, and how many triangles it has; 0 when it holds an object.
+/// What is known of every subtree.
 struct Costs {
+    /// As at most 1, 2, … 8 children.
     at_most: Vec<[f32; WIDTH]>,
+    /// Triangles in it if it is to be a leaf, else 0.
     triangles: Vec<u32>,
+    /// How soon a ray that only asks whether it is blocked should look here: the chance to be blocked by a unit of work.
+    promise: Vec<f32>,
 }
 
 /// `None` when the tree is too deep for the traversal stack.
@@ -54,6 +57,7 @@ pub(super) fn collapse(tree: &[Node2], source: &dyn Source, bounds: Bounds) -> O
         } else {
             wide.distribute(n, WIDTH, &mut children);
         }
+        children.sort_by(|&a, &b| wide.costs.promise[b as usize].total_cmp(&wide.costs.promise[a as usize]).then(a.cmp(&b)));
         let first_todo = todo.len();
         for (lane, &c) in children.iter().enumerate() {
             let child = if wide.is_leaf(c) {
@@ -76,7 +80,8 @@ fn costs(tree: &[Node2], source: &dyn Source, bounds: Bounds) -> Costs {
     let longest = bounds.extent().max_element();
     let scale = if longest > 0.0 { 1.0 / longest } else { 0.0 };
     let n_triangles = source.triangles() as u32;
-    let mut costs = Costs { at_most: vec![[0.0; WIDTH]; tree.len()], triangles: vec![0; tree.len()] };
+    let mut costs =
+        Costs { at_most: vec![[0.0; WIDTH]; tree.len()], triangles: vec![0; tree.len()], promise: vec![0.0; tree.len()] };
     for &n in top_down(tree).iter().rev() {
         let n = n as usize;
         let node = &tree[n];
@@ -85,12 +90,20 @@ fn costs(tree: &[Node2], source: &dyn Source, bounds: Bounds) -> Costs {
             let is_triangle = node.right < n_triangles;
             costs.triangles[n] = u32::from(is_triangle);
             costs.at_most[n] = [area * if is_triangle { BLOCK_COST } else { OBJECT_COST }; WIDTH];
+            // The surface, for now.
+            costs.promise[n] = if is_triangle {
+                let [a, b, c] = source.vertices(node.right as usize).map(|p| p * scale);
+                0.5 * (b - a).cross(c - a).length()
+            } else {
+                area
+            };
             continue;
         }
         let (l, r) = (node.left as usize, node.right as usize);
         let (tl, tr) = (costs.triangles[l], costs.triangles[r]);
         let triangles = if tl > 0 && tr > 0 { tl.saturating_add(tr) } else { 0 };
         let (cl, cr) = (costs.at_most[l], costs.at_most[r]);
+        costs.promise[n] = costs.promise[l] + costs.promise[r];
         // d[j − 1] for j ≥ 2.
         let mut d = [f32::INFINITY; WIDTH];
         for j in 2..=WIDTH {
@@ -108,6 +121,11 @@ fn costs(tree: &[Node2], source: &dyn Source, bounds: Bounds) -> Costs {
         costs.at_most[n] = c;
         // A subtree that is cheaper as a node is never part of a larger leaf.
         costs.triangles[n] = if as_leaf <= c[0] { triangles } else { 0 };
+    }
+    for (promise, (node, at_most)) in costs.promise.iter_mut().zip(tree.iter().zip(&costs.at_most)) {
+        // A line through the box meets a surface of this size with this chance, and costs c / A: the area cancels unless the chance is 1.
+        let area = Bounds { min: node.min * scale, max: node.max * scale }.half_area();
+        *promise = promise.min(area) / at_most[0].max(f32::MIN_POSITIVE);
     }
     costs
 }
@@ -187,7 +205,7 @@ impl Wide<'_> {
         ids.dedup();
         let first = self.bvh.blocks.len();
         for ids in ids.chunks(BLOCK) {
-            let mut block = Block::EMPTY;
+            let mut block = Block { count: ids.len() as u32, ..Block::EMPTY };
             for (lane, &id) in ids.iter().enumerate() {
                 let vertices: [Vec3; 3] = self.source.vertices(id as usize);
                 for (vertex, p) in vertices.iter().enumerate() {

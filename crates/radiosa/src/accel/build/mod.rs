@@ -4,6 +4,7 @@
 
 mod binary;
 mod collapse;
+mod reinsert;
 
 use super::bvh::{Bvh, LARGEST};
 use crate::math::{Bounds, Vec3};
@@ -52,7 +53,8 @@ pub(super) fn build(source: &dyn Source) -> Bvh {
     if references.is_empty() {
         return Bvh { nodes: Vec::new(), blocks: Vec::new(), bounds };
     }
-    let tree = binary::build(references.clone(), binary::Split::Heuristic);
+    let mut tree = binary::build(references.clone(), binary::Split::Heuristic);
+    reinsert::optimise(&mut tree);
     collapse::collapse(&tree, source, bounds)
         // Only a tree shaped by malice is so deep; halving by count bounds the depth.
         .or_else(|| collapse::collapse(&binary::build(references, binary::Split::Count), source, bounds))
