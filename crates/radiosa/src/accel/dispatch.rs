@@ -18,30 +18,30 @@ use super::lanes::Avx2;
 
 /// Kernels by processor: for each, the generic function it is an instance of.
 macro_rules! kernels {
-    ($($(#[$doc:meta])* fn $name:ident<A: Accept>($($arg:ident: $ty:ty),*) $(-> $ret:ty)? = $generic:ident;)*) => {
+    ($($(#[$doc:meta])* fn $name:ident$(<$accept:ident>)?($($arg:ident: $ty:ty),*) $(-> $ret:ty)? = $generic:ident;)*) => {
         /// What can be asked of a scene, on a processor.
         pub(super) trait Kernels: Cpu {
-            $($(#[$doc])* fn $name<A: Accept>($($arg: $ty),*) $(-> $ret)?;)*
+            $($(#[$doc])* fn $name$(<$accept: Accept>)?($($arg: $ty),*) $(-> $ret)?;)*
         }
 
         impl Kernels for Portable {
-            $(fn $name<A: Accept>($($arg: $ty),*) $(-> $ret)? {
-                $generic::<Self, A>($($arg),*)
+            $(fn $name$(<$accept: Accept>)?($($arg: $ty),*) $(-> $ret)? {
+                $generic::<Self, $($accept)?>($($arg),*)
             })*
         }
 
         #[cfg(target_arch = "x86_64")]
         impl Kernels for Avx2 {
-            $(fn $name<A: Accept>($($arg: $ty),*) $(-> $ret)? {
+            $(fn $name$(<$accept: Accept>)?($($arg: $ty),*) $(-> $ret)? {
                 #[target_feature(enable = "avx2,fma")]
-                fn compiled<A: Accept>($($arg: $ty),*) $(-> $ret)? {
-                    $generic::<Avx2, A>($($arg),*)
+                fn compiled$(<$accept: Accept>)?($($arg: $ty),*) $(-> $ret)? {
+                    $generic::<Avx2, $($accept)?>($($arg),*)
                 }
                 #[expect(unsafe_code, reason = "calling code compiled for more than the baseline")]
                 // SAFETY: an `Accel` has the path `Avx2` only after `checked_path` saw that the processor has both features, and
                 // only `Accel`'s methods lead here.
                 unsafe {
-                    compiled::<A>($($arg),*)
+                    compiled$(::<$accept>)?($($arg),*)
                 }
             })*
         }
@@ -49,19 +49,19 @@ macro_rules! kernels {
 }
 kernels! {
     /// The nearest hit in the scene.
-    fn closest<A: Accept>(accel: &Accel, ray: &Ray, accept: &mut A) -> Option<Hit> = closest_in_scene;
+    fn closest<A>(accel: &Accel, ray: &Ray, accept: &mut A) -> Option<Hit> = closest_in_scene;
     /// Whether the ray hits anything in the scene.
-    fn occluded<A: Accept>(accel: &Accel, ray: &Ray, accept: &mut A) -> bool = occluded_in_scene;
+    fn occluded<A>(accel: &Accel, ray: &Ray, accept: &mut A) -> bool = occluded_in_scene;
     /// The nearest hits of those of eight rays whose bits are set.
-    fn closest8<A: Accept>(accel: &Accel, rays: &[Ray; 8], active: u8) -> [Option<Hit>; 8] = closest8_in_scene;
+    fn closest8(accel: &Accel, rays: &[Ray; 8], active: u8) -> [Option<Hit>; 8] = closest8_in_scene;
     /// Those of eight rays that hit anything.
-    fn occluded8<A: Accept>(accel: &Accel, rays: &[Ray; 8], active: u8) -> u8 = occluded8_in_scene;
+    fn occluded8(accel: &Accel, rays: &[Ray; 8], active: u8) -> u8 = occluded8_in_scene;
     /// Whether each of some rays between two patches hits anything.
-    fn occluded_between<A: Accept>(accel: &Accel, rays: &[Ray], occluder: &mut Occluder, blocked: &mut Vec<bool>) = occluded_between;
+    fn occluded_between(accel: &Accel, rays: &[Ray], occluder: &mut Occluder, blocked: &mut Vec<bool>) = occluded_between;
     /// Offers the nearest hit of a shared shape.
-    fn closest_in_shape<A: Accept>(bvh: &Bvh, ray: &Ray, visit: &mut InShape<'_, A>, best: &mut Best) = closest_in_tree;
+    fn closest_in_shape<A>(bvh: &Bvh, ray: &Ray, visit: &mut InShape<'_, A>, best: &mut Best) = closest_in_tree;
     /// Whether the ray hits anything of a shared shape.
-    fn occluded_in_shape<A: Accept>(bvh: &Bvh, ray: &Ray, visit: &mut InShape<'_, A>) -> bool = occluded_in_tree;
+    fn occluded_in_shape<A>(bvh: &Bvh, ray: &Ray, visit: &mut InShape<'_, A>) -> bool = occluded_in_tree;
 }
 
 #[inline(always)]
@@ -79,7 +79,7 @@ fn occluded_in_scene<C: Kernels, A: Accept>(accel: &Accel, ray: &Ray, accept: &m
 }
 
 #[inline(always)]
-fn closest8_in_scene<C: Kernels, A>(accel: &Accel, rays: &[Ray; 8], active: u8) -> [Option<Hit>; 8] {
+fn closest8_in_scene<C: Kernels>(accel: &Accel, rays: &[Ray; 8], active: u8) -> [Option<Hit>; 8] {
     let columns = Columns::<C::Wide>::new(rays, &accel.tree.bounds);
     let mut nearest = Nearest::<C>::new(accel, rays, columns.t_max);
     let together = packet::trace::<C, _>(&accel.tree, &columns, u32::from(active), &mut nearest);
@@ -94,7 +94,7 @@ fn closest8_in_scene<C: Kernels, A>(accel: &Accel, rays: &[Ray; 8], active: u8) 
 }
 
 #[inline(always)]
-fn occluded8_in_scene<C: Kernels, A>(accel: &Accel, rays: &[Ray; 8], active: u8) -> u8 {
+fn occluded8_in_scene<C: Kernels>(accel: &Accel, rays: &[Ray; 8], active: u8) -> u8 {
     let columns = Columns::<C::Wide>::new(rays, &accel.tree.bounds);
     let mut any = Any::<C>::new(accel, rays, columns.t_max);
     let together = packet::trace::<C, _>(&accel.tree, &columns, u32::from(active), &mut any);

@@ -89,11 +89,11 @@ pub struct Accel {
 
 /// Runs a query compiled for the path.
 macro_rules! on {
-    ($path:expr, $query:ident$(::<$accept:ty>)?($($arg:expr),*)) => {
+    ($path:expr, $query:ident($($arg:expr),*)) => {
         match $path {
             #[cfg(target_arch = "x86_64")]
-            CpuPath::Avx2 => lanes::Avx2::$query$(::<$accept>)?($($arg),*),
-            _ => lanes::Portable::$query$(::<$accept>)?($($arg),*),
+            CpuPath::Avx2 => lanes::Avx2::$query($($arg),*),
+            _ => lanes::Portable::$query($($arg),*),
         }
     };
 }
@@ -141,12 +141,12 @@ impl Accel {
     /// The nearest hits of eight rays at once, those whose bits in `active` are set; the same hits as one by one, sooner when the rays go
     /// much the same way.
     pub fn closest8(&self, rays: &[Ray; 8], active: u8) -> [Option<Hit>; 8] {
-        on!(self.path, closest8::<Always>(self, rays, active))
+        on!(self.path, closest8(self, rays, active))
     }
 
     /// Which of eight rays hit anything, as bits; `active` as in [`Self::closest8`].
     pub fn occluded8(&self, rays: &[Ray; 8], active: u8) -> u8 {
-        on!(self.path, occluded8::<Always>(self, rays, active))
+        on!(self.path, occluded8(self, rays, active))
     }
 
     /// Which of the rays between two patches are blocked: the answers of [`Self::occluded`], in their order, sooner when all rays begin close
@@ -155,6 +155,6 @@ impl Accel {
     /// `occluder` remembers what blocked last and is tried first: pass the same one for pairs that are likely to share occluders, such as one
     /// patch against all others. It never changes an answer.
     pub fn occluded_between(&self, rays: &[Ray], occluder: &mut Occluder, blocked: &mut Vec<bool>) {
-        on!(self.path, occluded_between::<Always>(self, rays, occluder, blocked));
+        on!(self.path, occluded_between(self, rays, occluder, blocked));
     }
 }

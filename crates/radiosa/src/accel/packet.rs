@@ -150,10 +150,10 @@ impl<L: Lanes> Way<L> {
         let mut active = active & by_axis[kz];
         let zero = L::splat(0.0);
         let mut negative = [false; 3];
-        for k in 0..3 {
-            let below = L::bits(rays.d[k].lt(zero)) & active;
-            negative[k] = 2 * below.count_ones() > active.count_ones();
-            active &= if negative[k] { below } else { !below };
+        for (d, negative) in rays.d.iter().zip(&mut negative) {
+            let below = L::bits(d.lt(zero)) & active;
+            *negative = 2 * below.count_ones() > active.count_ones();
+            active &= if *negative { below } else { !below };
         }
         let size = xyz!(k => rays.d[k].abs());
         let least = longest(size).mul(L::splat(SMALLEST_SLOPE));

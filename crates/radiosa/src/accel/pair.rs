@@ -12,18 +12,21 @@
 //! The shaft from a box *A* to a box *B* at `s` of the way is the box *(1 − s) A + s B*; the union over `s` in [0, 1] is all segments between
 //! them, no more. Whether it meets a box of the tree is a question of intervals of `s`, as for a ray: one per plane.
 
-use super::bvh::{Block, Bvh, Child, LARGEST, Node};
-use super::collect::blocked_by;
+use super::bvh::{Block, Bvh, LARGEST, Node};
+use super::collect::{Any, blocked_by};
 use super::dispatch::{InScene, Kernels};
 use super::lanes::Lanes;
-use super::packet::{Columns, Sheared};
+use super::packet::{self, Columns, Sheared};
 use super::prepared::Prepared;
 use super::traverse::{self, Always, Best, Stack, Visit, leaf_occluded};
 use super::{Accel, Ray};
 use crate::math::{Bounds, Vec3};
 
 /// Leaves that a shaft may meet before it is given up.
-const FEW_LEAVES: usize = 6;
+const FEW_LEAVES: usize = 24;
+
+/// Triangles in them that it may meet.
+const FEW_TRIANGLES: u32 = 32;
 
 /// Rays taken together.
 const BATCH: usize = 64;
@@ -37,7 +40,7 @@ pub struct Occluder {
 
 /// Whether each of the rays hits anything.
 #[inline(always)]
-pub(super) fn occluded_between<C: Kernels, A>(accel: &Accel, rays: &[Ray], occluder: &mut Occluder, blocked: &mut Vec<bool>) {
+pub(super) fn occluded_between<C: Kernels>(accel: &Accel, rays: &[Ray], occluder: &mut Occluder, blocked: &mut Vec<bool>) {
     blocked.clear();
     for batch in rays.chunks(BATCH) {
         let bits = of_batch::<C>(accel, batch, occluder);
@@ -62,17 +65,18 @@ struct Groups<'a, L> {
 impl<'a, L: Lanes> Groups<'a, L> {
     #[inline(always)]
     fn get(&mut self, g: usize) -> &Group<L> {
-        let (rays, bounds) = (self.rays, self.bounds);
-        self.groups[g].get_or_insert_with(|| {
-            let rays: [Ray; 8] = std::array::from_fn(|i| rays[(8 * g + i).min(rays.len() - 1)]);
-            let columns = Columns::new(&rays, bounds);
-            Group { by_axis: columns.by_axis(), columns, rays }
-        })
+        // Not `get_or_insert_with`: its closure would not be compiled for the processor.
+        if self.groups[g].is_none() {
+            let rays: [Ray; 8] = std::array::from_fn(|i| self.rays[(8 * g + i).min(self.rays.len() - 1)]);
+            let columns = Columns::new(&rays, self.bounds);
+            self.groups[g] = Some(Group { by_axis: columns.by_axis(), columns, rays });
+        }
+        self.groups[g].as_ref().expect("made above")
     }
 
-    /// Those of the rays in `todo` that a block of triangles blocks.
+    /// Those of the rays in `todo` that some triangles of a block, by lane, block.
     #[inline(always)]
-    fn blocked_by(&mut self, block: &Block, todo: u64) -> u64 {
+    fn blocked_by(&mut self, block: &Block, lanes: u32, todo: u64) -> u64 {
         let mut bits = 0;
         for g in 0..BATCH / 8 {
             let todo = (todo >> (8 * g) & 0xFF) as u32;
@@ -87,7 +91,10 @@ impl<'a, L: Lanes> Groups<'a, L> {
                     continue;
                 }
                 let sheared = Sheared::new(&group.columns, kz);
-                for lane in 0..block.count as usize {
+                let mut lanes = lanes;
+                while lanes != 0 && active & !blocked != 0 {
+                    let lane = lanes.trailing_zeros() as usize;
+                    lanes &= lanes - 1;
                     if let Some(found) = sheared.test(&group.columns, block, lane, group.columns.t_max) {
                         blocked |= blocked_by(&group.rays, block, lane, &found, group.columns.t_max, active & !blocked);
                     }
@@ -114,18 +121,18 @@ fn of_batch<C: Kernels>(accel: &Accel, rays: &[Ray], occluder: &mut Occluder) ->
     match hit {
         Blocked::By(b) => {
             occluder.block = Some(b as u32);
-            blocked = 1 << probe | groups.blocked_by(&tree.blocks[b], todo);
+            blocked = 1 << probe | groups.blocked_by(&tree.blocks[b], every_lane(&tree.blocks[b]), todo);
         }
         Blocked::ByObject => blocked = 1 << probe,
         Blocked::No => {
-            if let Some(found) = Shaft::around(rays).and_then(|shaft| shaft.leaves::<C::Wide>(tree)) {
-                // Rays that packets cannot take are left for later.
+            if let Some(found) = Shaft::around(rays).and_then(|shaft| shaft.triangles::<C::Wide>(tree)) {
+                // Rays that cannot be tested eight at a time are left for later.
                 todo &= !usable(&mut groups, todo);
                 let asked = all & !todo & !(1 << probe);
-                for b in found.into_iter().flatten().flat_map(Child::as_blocks) {
-                    let by = groups.blocked_by(&tree.blocks[b], asked & !blocked);
+                for (b, lanes) in found.into_iter().flatten() {
+                    let by = groups.blocked_by(&tree.blocks[b as usize], lanes, asked & !blocked);
                     if by != 0 {
-                        occluder.block = Some(b as u32);
+                        occluder.block = Some(b);
                     }
                     blocked |= by;
                 }
@@ -134,20 +141,28 @@ fn of_batch<C: Kernels>(accel: &Accel, rays: &[Ray], occluder: &mut Occluder) ->
     }
     todo &= !blocked;
 
-    while todo != 0 {
-        let i = todo.trailing_zeros() as usize;
-        todo &= todo - 1;
-        match alone::<C>(accel, &rays[i]) {
-            Blocked::By(b) => {
-                occluder.block = Some(b as u32);
-                blocked |= 1 << i | groups.blocked_by(&tree.blocks[b], todo);
-                todo &= !blocked;
-            }
-            Blocked::ByObject => blocked |= 1 << i,
-            Blocked::No => {}
+    for g in 0..BATCH / 8 {
+        let active = (todo >> (8 * g) & 0xFF) as u32;
+        if active == 0 {
+            continue;
         }
+        let group = groups.get(g);
+        let mut any = Any::<C>::new(accel, &group.rays, group.columns.t_max);
+        let together = packet::trace::<C, _>(tree, &group.columns, active, &mut any);
+        let mut bits = any.blocked;
+        let mut single = active & !together;
+        while single != 0 {
+            let i = single.trailing_zeros();
+            single &= single - 1;
+            bits |= u32::from(C::occluded(accel, &group.rays[i as usize & 7], &mut Always)) << i;
+        }
+        blocked |= u64::from(bits) << (8 * g);
     }
     blocked
+}
+
+fn every_lane(block: &Block) -> u32 {
+    (1 << block.count) - 1
 }
 
 #[inline(always)]
@@ -246,7 +261,7 @@ impl Shaft {
         let tiny = size.max_element() * 1e-15 + f32::MIN_POSITIVE;
         let border = |i: usize| {
             let k = i / 2;
-            let (row, from, to) = if i % 2 == 0 {
+            let (row, from, to) = if i.is_multiple_of(2) {
                 // The lower border must pass below the box's upper plane,
                 (k + 3, a.min[k] - slack[k], b.min[k] - slack[k])
             } else {
@@ -256,7 +271,7 @@ impl Shaft {
             let slope = to - from;
             let slope = if slope.abs() < tiny { tiny } else { slope };
             let inv = 1.0 / slope;
-            Border { row, inv, c: -from * inv, is_upper: (i % 2 == 0) == (slope > 0.0) }
+            Border { row, inv, c: -from * inv, is_upper: i.is_multiple_of(2) == (slope > 0.0) }
         };
         Some(Self { borders: std::array::from_fn(border) })
     }
@@ -276,11 +291,29 @@ impl Shaft {
         L::bits(first.le(last))
     }
 
-    /// The leaves it meets; `None` when they are many, or an object.
+    /// Triangles of a block whose boxes the shaft may meet.
     #[inline(always)]
-    fn leaves<L: Lanes>(&self, tree: &Bvh) -> Option<[Option<Child>; FEW_LEAVES]> {
-        let mut leaves = [None; FEW_LEAVES];
-        let mut n = 0;
+    fn test_triangles<L: Lanes>(&self, block: &Block) -> u32 {
+        let (mut first, mut last) = (L::splat(0.0), L::splat(1.0));
+        for (i, b) in self.borders.iter().enumerate() {
+            let [p, q, r] = &block.vertices[i / 2];
+            let (p, q, r) = (L::load(p), L::load(q), L::load(r));
+            let plane = if b.row < 3 { p.min(q).min(r) } else { p.max(q).max(r) };
+            let s = plane.mul_add(L::splat(b.inv), L::splat(b.c));
+            if b.is_upper {
+                last = s.min(last);
+            } else {
+                first = s.max(first);
+            }
+        }
+        L::bits(first.le(last)) & every_lane(block)
+    }
+
+    /// The triangles it meets, by block and lane; `None` when they or their leaves are many, or there is an object.
+    #[inline(always)]
+    fn triangles<L: Lanes>(&self, tree: &Bvh) -> Option<[Option<(u32, u32)>; FEW_LEAVES]> {
+        let mut found = [None; FEW_LEAVES];
+        let (mut n, mut n_triangles, mut n_leaves) = (0, 0, 0);
         let mut stack = Stack::<u32>::new();
         let mut node = tree.nodes.first()?;
         loop {
@@ -290,14 +323,25 @@ impl Shaft {
                 mask &= mask - 1;
                 if let Some(index) = child.as_node() {
                     stack.push(index as u32);
-                } else if child.as_object().is_some() || n == FEW_LEAVES {
+                    continue;
+                }
+                n_leaves += 1;
+                if child.as_object().is_some() || n_leaves > FEW_LEAVES {
                     return None;
-                } else {
-                    leaves[n] = Some(child);
-                    n += 1;
+                }
+                for b in child.as_blocks() {
+                    let lanes = self.test_triangles::<L>(&tree.blocks[b]);
+                    if lanes != 0 {
+                        n_triangles += lanes.count_ones();
+                        if n == FEW_LEAVES || n_triangles > FEW_TRIANGLES {
+                            return None;
+                        }
+                        found[n] = Some((b as u32, lanes));
+                        n += 1;
+                    }
                 }
             }
-            let Some(next) = stack.pop() else { return Some(leaves) };
+            let Some(next) = stack.pop() else { return Some(found) };
             node = &tree.nodes[next as usize];
         }
     }
