@@ -639,9 +639,10 @@ fn difference(computed: Rgb, expected: Rgb) -> f64 {
     (0..3).map(|c| (computed[c] - expected[c]).abs() / scale).fold(0.0, f64::max)
 }
 
-/// Every row × lobe × (open, hidden) through a method; `expected` may be tampered with by the twin. Returns what is off by more than 1e-4.
+/// Every row × lobe × (open, hidden) through a method; `expected` may be tampered with by the twin. Returns how many there were, and what is
+/// off by more than 1e-4.
 fn check(method: Method, expected: &dyn Fn(&Case) -> Rgb) -> (usize, Vec<String>) {
-    let (mut n, mut wrong) = (0, Vec::new());
+    let (mut n, mut wrong, mut worst) = (0, Vec::new(), 0f64);
     for row in 0..rows().len() {
         for lobe in 0..lobes().len() {
             for hidden in [false, true] {
@@ -650,6 +651,7 @@ fn check(method: Method, expected: &dyn Fn(&Case) -> Rgb) -> (usize, Vec<String>
                 let expected = expected(&case);
                 n += 1;
                 let off = difference(computed, expected);
+                worst = worst.max(off);
                 if off.is_nan() || off > 1e-4 {
                     let (row, lobe) = (case.row.name, case.lobe.name);
                     wrong.push(format!("{row} on {lobe}, hidden: {hidden}: {computed:?} instead of {expected:?}"));
@@ -657,6 +659,7 @@ fn check(method: Method, expected: &dyn Fn(&Case) -> Rgb) -> (usize, Vec<String>
             }
         }
     }
+    eprintln!("largest difference of {n}: {worst:.1e}");
     (n, wrong)
 }
 

@@ -124,22 +124,23 @@ impl MetallicRoughness {
         })
     }
 
-    /// The rays of a smooth coat, and through the transmitting part.
+    /// The rays of a smooth coat or metal, and through the transmitting part. From inside a body the coat is the exact interface, since
+    /// Schlick's approximation knows no total internal reflection.
     pub fn specular_rays(&self, n: Vec3, wo: Vec3, entering: bool) -> SpecularRays {
         let cos_o = n.dot(wo).clamp(0.0, 1.0);
-        let mut rays = SpecularRays::default();
-        // From inside, the exact equations decide: Schlick's approximation knows no total internal reflection.
-        let inside = !entering && self.thick;
-        let coat = if inside {
+        let transmission = self.transmission();
+        let from_inside = !entering && self.thick && transmission.is_some();
+        let coat = if from_inside {
             Spectrum::gray(fresnel::dielectric(cos_o, 1.0 / self.ior))
         } else {
             fresnel::schlick(cos_o, self.f0) * self.specular
         };
-        if self.is_smooth() || (inside && self.transmission > 0.0) {
+        let mut rays = SpecularRays::default();
+        if self.is_smooth() || from_inside {
             let weight = coat * (1.0 - self.metallic) + fresnel::schlick(cos_o, self.base_color) * self.metallic;
             rays.reflected = Some((mirror::reflect(wo, n), weight)).filter(|ray| !ray.1.is_black());
         }
-        if let Some(t) = self.transmission() {
+        if let Some(t) = transmission {
             let eta = if entering { 1.0 / t.ior } else { t.ior };
             let direction = if t.thin { Some(-wo) } else { dielectric::refract(wo, n, eta) };
             rays.refracted = direction.map(|d| (d, t.weight * (1.0 - coat.max_channel())));

@@ -606,6 +606,27 @@ mod tests {
     }
 
     #[test]
+    fn any_triangles_keep_their_area_within_the_limit() {
+        use crate::sampling::Stream;
+        for seed in 0..300 {
+            let mut stream = Stream::new(seed, 0, 0);
+            // Few distinct coordinates, so that triangles collapse, coincide, share edges with many others and lie in one plane.
+            let mut corner = || {
+                let mut x = || (stream.next_u32() % 3) as f32;
+                [x(), x(), if seed % 3 == 0 { 0.0 } else { x() }]
+            };
+            let surfaces: Vec<_> = (0..30).map(|i| triangle([corner(), corner(), corner()], i)).collect();
+            let exact: f64 = surfaces.iter().map(|s| s.shape.area()).sum();
+            for (n, max) in [(1, 2), (3, 20), (4, 1000)] {
+                let points = sample_points(&surfaces, n, max);
+                assert!(points.len() <= max as usize, "{seed}: {} of {max}", points.len());
+                assert!(points.samples.iter().all(|s| s.position.is_finite() && s.normal.is_normalized()), "{seed}");
+                assert!((total_area(&points) / exact - 1.0).abs() < 1e-5, "{seed}: {} of {exact}", total_area(&points));
+            }
+        }
+    }
+
+    #[test]
     fn a_polygon_with_a_hole_keeps_its_area_and_its_centre() {
         // A square ring of width 1 around a 1 m² hole, as eight triangles between two squares.
         let outer = [[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0]];
