@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use radiosa::import::{self, ImportError, Options, Warning, sample};
-use radiosa::math::{DAffine3, DVec3, Vec2};
+use radiosa::math::{CpuPath, DAffine3, DVec3, Ray, Vec2, Vec3};
 use radiosa::scene::{
     AlphaMode, Cone, Distribution, EnvironmentRadiance, Filter, Form, Fresnel, Geometry, InstanceId, LightKind, Material, Mesh,
     Metal, Model, PhongLobe, PhotometricUnit, Projection, Quantity, Scene, Shadowing, TextureSource, Wrap,
 };
 use radiosa::spectrum::Spectrum;
+use radiosa::transport::World;
 
 fn load(folder: &Path, toml: &str) -> Result<(Scene, Vec<Warning>), ImportError> {
     let path = folder.join("scene.toml");
@@ -117,6 +118,35 @@ fn the_cornell_box_is_the_measured_one() {
 }
 
 #[test]
+fn the_closed_built_in_scenes_let_no_ray_out_and_show_their_fronts_inside() {
+    for (name, seen_from_behind) in [("room", ["lamp shade"].as_slice()), ("furnace", &[])] {
+        let scene = sample::load(name).expect("built in");
+        let world = World::prepare(scene, CpuPath::Portable).expect("valid");
+        for camera in &world.scene().cameras {
+            let eye = (camera.position - world.origin()).as_vec3();
+            let n = 20_000;
+            for i in 0..n {
+                // Directions of a Fibonacci spiral.
+                let y = 1.0 - 2.0 * (i as f32 + 0.5) / n as f32;
+                let (r, phi) = ((1.0 - y * y).sqrt(), i as f32 * 2.399_963_2);
+                let ray = Ray::new(eye, Vec3::new(r * phi.cos(), y, r * phi.sin()));
+                let Some(hit) = world.accel().closest(&ray) else {
+                    panic!("{name}: a way out from {} along {}", camera.name, ray.dir)
+                };
+                let surface = world.surface(&ray, &hit);
+                let instance = &world.scene().instances[surface.instance.index()].name;
+                let is_front = surface.is_front(-ray.dir);
+                assert!(
+                    is_front || seen_from_behind.contains(&instance.as_str()),
+                    "{name}: {instance} from behind, from {}",
+                    camera.name
+                );
+            }
+        }
+    }
+}
+
+#[test]
 fn errors_point_at_the_word_and_suggest_the_nearest_one() {
     let check = |toml: &str, expected: &str| assert_eq!(error(toml), expected, "\nfor:\n{toml}");
     check("[materiel.white]\nlambert = 1", r#"1:2: unknown key "materiel" [materiel] (did you mean "material"?)"#);
@@ -145,7 +175,7 @@ fn errors_point_at_the_word_and_suggest_the_nearest_one() {
     check("[material.a]\nlambert = [1, 2]", "2:11: expected three numbers [r, g, b], found 2 of them [[1, 2]]");
     check(
         "[material.a]\nlambert = true",
-        "2:11: invalid type: boolean `true`, expected a colour: a number, [r, g, b] or \"#rrggbb\", or a table [true]",
+        "2:11: expected a colour: a number, [r, g, b] or \"#rrggbb\", or a table, found boolean `true` [true]",
     );
     check(
         "[[shape]]\nquad = [[0,0,0],[1,0,0],[1,1,0]]",
@@ -184,6 +214,9 @@ fn errors_point_at_the_word_and_suggest_the_nearest_one() {
         "include = \"room.glb\"",
         "1:11: cannot read DIR/room.glb: No such file or directory (os error 2) [\"room.glb\"] (file names are looked up from the folder of the scene file)",
     );
+    check("environment = 3", "1:15: expected a table, found integer `3` [3]");
+    check("[material]\nlambert = 1", "2:11: expected a table, found integer `1` [1]");
+    check("[material.a]\nlambert = { texure = \"x\" }", "2:13: unknown key \"texure\" [texure] (did you mean \"texture\"?)");
     check("name =\nup = \"y\"", "1:7: a value is missing after `=` []");
     check("name = room", "1:8: string values must be quoted, expected literal string [room]");
 }
@@ -253,7 +286,7 @@ fn shapes_are_what_their_names_say() {
     );
     near(volume(the_mesh(&scene)), 1.0 / 3.0);
     assert_eq!((n_polygons(the_mesh(&scene)), scene.instances[0].name.as_str()), (5, "roof"));
-    assert_eq!(the_mesh(&scene).normals.as_ref().expect("given")[0], radiosa::math::Vec3::Z);
+    assert_eq!(the_mesh(&scene).normals.as_ref().expect("given")[0], Vec3::Z);
     assert_eq!(the_mesh(&scene).uvs[0][4], Vec2::splat(0.5));
 }
 

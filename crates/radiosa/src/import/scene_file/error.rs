@@ -70,6 +70,15 @@ impl Text {
         if let Some(field) = message.strip_prefix("missing field `").and_then(|m| m.strip_suffix('`')) {
             return self.error(&span, format!("the key {field:?} is missing here"), "");
         }
+        if let Some((found, expected)) = message.strip_prefix("invalid type: ").and_then(|m| m.split_once(", expected ")) {
+            // Of tables and lists the reader knows only our names for them, which mean nothing to whoever wrote the file.
+            let expected = match expected {
+                "a sequence" => "an array",
+                e if e.starts_with("struct ") => "a table",
+                e => e,
+            };
+            return self.error(&span, format!("expected {expected}, found {found}"), "");
+        }
         if span.is_empty() && message.starts_with("string values must be quoted") {
             return self.error(&span, "a value is missing after `=`", "");
         }

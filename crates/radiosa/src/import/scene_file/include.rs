@@ -14,8 +14,8 @@ use super::{Nesting, Reading};
 use crate::import::{ENDINGS, ImportError, Resolver};
 use crate::math::{DAffine3, DMat3, DQuat};
 use crate::scene::{
-    Attenuation, Geometry, ImageId, Instance, LightKind, MaterialId, MeshId, MeshSource, NodeId, Pixels, Projection, Scene,
-    TextureId, TextureSource,
+    Attenuation, Geometry, Image, ImageId, Instance, LightKind, MaterialId, MeshId, MeshSource, NodeId, Pixels, Projection,
+    Scene, TextureId, TextureSource,
 };
 
 /// A file to include: its name, or a table.
@@ -132,17 +132,19 @@ pub(super) fn memory(scene: &Scene) -> u64 {
             m.positions.len() * per_vertex + m.triangles.len() * 12 + m.materials.len() * 8 + polygons
         })
         .sum();
-    let images: usize = scene
-        .images
-        .iter()
-        .map(|i| match &i.pixels {
-            Pixels::Rgba8(p) => p.len(),
-            Pixels::Rgba16(p) => 2 * p.len(),
-            Pixels::Rgba32F(p) => 4 * p.len(),
-        })
-        .sum();
+    let images: u64 = scene.images.iter().map(picture_memory).sum();
     let rest = scene.instances.len() * size_of::<Instance>() + scene.nodes.len() * 64 + scene.materials.len() * 512;
-    (meshes + images + rest) as u64
+    (meshes + rest) as u64 + images
+}
+
+/// Bytes of a decoded picture.
+pub(super) fn picture_memory(image: &Image) -> u64 {
+    let bytes = match &image.pixels {
+        Pixels::Rgba8(p) => p.len(),
+        Pixels::Rgba16(p) => 2 * p.len(),
+        Pixels::Rgba32F(p) => 4 * p.len(),
+    };
+    bytes as u64
 }
 
 /// Where the parts of an appended scene begin.

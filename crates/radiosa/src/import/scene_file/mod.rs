@@ -131,6 +131,8 @@ struct Reading<'a> {
     built_textures: HashMap<(String, Use), TextureId>,
     images: HashMap<PathBuf, ImageId>,
     materials: HashMap<String, MaterialId>,
+    /// Bytes of the pictures this file itself names.
+    pictures: u64,
     /// Of each included file: its name, what its light is in, whether it has any.
     included_quantities: Vec<(String, Quantity, bool)>,
 }
@@ -164,6 +166,7 @@ fn read_nested(bytes: &[u8], resolver: &Resolver, warnings: &mut Warnings, nesti
         built_textures: HashMap::new(),
         images: HashMap::new(),
         materials: HashMap::new(),
+        pictures: 0,
         included_quantities: Vec::new(),
     };
     let texture_names: Vec<At<String>> = file.texture.0.iter().map(|(name, _)| name.clone()).collect();
@@ -236,7 +239,10 @@ impl Reading<'_> {
             return Ok(id);
         }
         let bytes = self.resolver.read(&name.value).map_err(|e| self.at_reference(name, e))?;
-        let image = super::decode_picture(&bytes, &Location::file(&path), self.resolver.options().max_memory)?;
+        // What other pictures take is no longer there for this one.
+        let left = self.resolver.options().max_memory.saturating_sub(self.pictures);
+        let image = super::decode_picture(&bytes, &Location::file(&path), left)?;
+        self.pictures += include::picture_memory(&image);
         let id = ImageId(self.scene.images.len() as u32);
         self.scene.images.push(image);
         self.images.insert(path, id);
