@@ -1,5 +1,6 @@
 //! Every directional entry of the table of reflection values (`brdf.json`), computed twice: by independent formulas in f64, to
 //! 1e-9, and by what ships, in f32, to 1e-4. Both go through one checking function, and wrong formulas must not pass it.
+#![expect(clippy::print_stderr, reason = "tests say what they measured")]
 
 use std::cell::RefCell;
 use std::f64::consts::PI;

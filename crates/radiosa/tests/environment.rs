@@ -1,4 +1,5 @@
 //! Environment maps: look-ups keep the map's orientation, and fewer directions or a table light like the map they stand for.
+#![expect(clippy::print_stderr, reason = "tests say what they skip and what they measured")]
 
 use std::f64::consts::PI;
 

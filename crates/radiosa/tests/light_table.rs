@@ -1,6 +1,7 @@
 //! The light table of `docs/conventions.md`, held: every light on every lobe, one pixel, direct light only, to 1e-4, by every
 //! method there is, against the table's formulas written out here in f64; once open, and once behind an occluder that must take away
 //! exactly those lights the table calls shadowed.
+#![expect(clippy::print_stderr, reason = "tests say what they measured")]
 
 use std::f64::consts::PI;
 
