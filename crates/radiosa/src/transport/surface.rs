@@ -53,7 +53,7 @@ impl World {
                     (p, p_error) = transform_point(m, local, local_error);
                     ng = self.normal_to_world(instance, ng);
                 } else {
-                    ng *= f64::from(flip);
+                    ng *= flip;
                 }
                 let ng = ng.try_normalize().map_or(-ray.dir.normalize_or_zero(), |n| n.as_vec3());
                 let n = self.interpolated_normal(instance, tri, weights).map_or(ng, |n| if n.dot(ng) < 0.0 { -n } else { n });

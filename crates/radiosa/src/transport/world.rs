@@ -48,8 +48,9 @@ impl World {
     pub fn prepare(scene: Scene, cpu_path: CpuPath) -> Result<Self, SceneError> {
         scene.validate()?;
         let (lo, hi) = scene.bounds().unwrap_or_default();
-        if !((hi - lo).max_element() < MAX_EXTENT) {
-            return Err(SceneError::TooWide { extent: (hi - lo).max_element(), limit: MAX_EXTENT });
+        let extent = (hi - lo).max_element();
+        if extent.is_nan() || extent > MAX_EXTENT {
+            return Err(SceneError::TooWide { extent, limit: MAX_EXTENT });
         }
         let origin = recentre(lo, hi);
         let mut placements: HashMap<u32, u64> = HashMap::new();
@@ -234,7 +235,7 @@ fn lets_light_through(material: &Material) -> bool {
 /// The middle of the scene, rounded so that subtracting it is exact for most coordinates; zero when the scene is around the origin already.
 fn recentre(lo: DVec3, hi: DVec3) -> DVec3 {
     let (centre, size) = ((lo + hi) * 0.5, (hi - lo).max_element());
-    if !centre.is_finite() || !(size > 0.0) || centre.abs().max_element() <= size {
+    if !centre.is_finite() || size <= 0.0 || centre.abs().max_element() <= size {
         return DVec3::ZERO;
     }
     // To a power of two near a hundredth of the size: coordinates in metres stay short numbers.
