@@ -70,7 +70,7 @@ pub(crate) struct Render {
     #[arg(short, long)]
     pub(crate) output: Vec<PathBuf>,
 
-    /// Picture size in pixels [default: the camera's shape, 960 pixels on the longer side]
+    /// Picture size in pixels [default: the camera's shape, 800 pixels on the longer side]
     #[arg(long, value_name = "WxH")]
     pub(crate) size: Option<Size>,
 
@@ -103,7 +103,7 @@ pub(crate) struct Render {
     pub(crate) shadows: OnOff,
 
     /// Light emissive surfaces give: N point lights a side of each (N×N), or "ignore": they glow but light nothing
-    #[arg(long, value_name = "N|ignore", default_value = "6")]
+    #[arg(long, value_name = "N|ignore", default_value = "5")]
     pub(crate) emitters: Emitters,
 
     /// Shadows of environments and discrete environments

@@ -1,5 +1,7 @@
 //! The command `radiosa`.
 
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 mod args;
 mod error;
 mod interrupt;

@@ -314,7 +314,7 @@ fn camera_and_size(world: &World, args: &Render) -> Result<(Camera, Size), Error
         None => 4.0 / 3.0,
     };
     let size = args.size.unwrap_or_else(|| {
-        let long = 960.0;
+        let long = 800.0;
         let (w, h) = if aspect >= 1.0 { (long, long / aspect) } else { (long * aspect, long) };
         Size { width: (w.round() as u32).max(1), height: (h.round() as u32).max(1) }
     });

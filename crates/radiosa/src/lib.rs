@@ -17,6 +17,8 @@
 //! Modules are layered: one may use those above it in this list and its own layer's vocabulary, never those below
 //! (`tests/architecture.rs` reads the `use crate::` lines and holds the rule).
 
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 pub mod math;
 
 pub mod radiometry;

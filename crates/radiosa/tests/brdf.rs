@@ -34,6 +34,7 @@ trait Formulas {
     fn g(&self, d: Distribution, g: Shadowing, alpha: f64, l: V, v: V) -> f64;
     fn g1(&self, d: Distribution, alpha: f64, cos: f64) -> f64;
     fn g1_fit(&self, alpha: f64, cos: f64) -> f64;
+    #[expect(clippy::too_many_arguments, reason = "the paper's symbols, each once")]
     fn cook_torrance(&self, d: Distribution, g: Shadowing, alpha: f64, f: Facet, form: Form, l: V, v: V) -> f64;
     fn dielectric(&self, cos: f64, n1: f64, n2: f64) -> f64;
     fn conductor(&self, cos: f64, n: f64, k: f64) -> f64;

@@ -33,7 +33,7 @@ pub struct LightSettings {
 
 impl Default for LightSettings {
     fn default() -> Self {
-        Self { emitters: Emitters::Points { n: 6, max: 4096 }, environment_shadows: EnvironmentShadows::Off }
+        Self { emitters: Emitters::Points { n: 5, max: 4096 }, environment_shadows: EnvironmentShadows::Off }
     }
 }
 

@@ -102,7 +102,12 @@ impl World {
     pub fn transmittances(&self, segments: &[Ray; 8], n: usize, n_rays: &mut u64) -> [Spectrum; 8] {
         let mut passed = [Spectrum::WHITE; 8];
         *n_rays += n as u64;
-        let blocked = (0..n).fold(0, |mask, i| mask | u8::from(self.accel().occluded(&segments[i])) << i);
+        let blocked = match n {
+            0 => 0,
+            // A packet costs more than a few rays one by one.
+            1..=2 => (0..n).fold(0, |mask, i| mask | u8::from(self.accel().occluded(&segments[i])) << i),
+            _ => self.accel().occluded8(segments, ((1u32 << n) - 1) as u8),
+        };
         for (i, passed) in passed.iter_mut().enumerate().filter(|(i, _)| blocked >> i & 1 == 1) {
             *passed = if self.has_transparency() { self.transmittance_of_blocked(&segments[i], n_rays) } else { Spectrum::BLACK };
         }
