@@ -11,7 +11,7 @@
 use std::collections::HashMap;
 
 use super::Incident;
-use crate::math::rounding::{gamma, offset_origin};
+use crate::math::rounding::gamma;
 use crate::math::{Affine3A, DMat3, DVec2, DVec3, Vec3, function};
 use crate::scene::InstanceId;
 use crate::spectrum::Spectrum;
@@ -45,8 +45,10 @@ impl PointSample {
         let factor = self.area * cos / distance / distance;
         (cos > 0.0 && factor.is_finite()).then(|| {
             let irradiance = self.radiance * factor;
-            // A few roundings lead from the surface's vertices to the point; the ray's end stays clear of them.
-            let target = offset_origin(self.position, self.position.abs() * gamma(16), self.normal, -wi);
+            // A few roundings lead from the surface's vertices to the point; the ray's end stays clear of them. An end a rounding off the
+            // exact offset does no harm, so nothing is rounded outwards here.
+            let clear = self.normal * (self.position.abs().max_element() * gamma(16));
+            let target = if self.normal.dot(wi) < 0.0 { self.position + clear } else { self.position - clear };
             Incident { wi, distance, target: Some(target), diffuse: irradiance, specular: irradiance, casts_shadow: true }
         })
     }

@@ -98,7 +98,15 @@ impl Lights {
     pub fn at(&self, world: &World, surface: &Surface, shading: &Shading, shadows: bool, n_rays: &mut u64) -> LocalLight {
         let mut light = LocalLight { ambient: shading.bsdf.ambient() * self.ambient, ..LocalLight::default() };
         let mut batch = Batch::new();
-        let shadow_origin = if shadows { world.shadow_origin(surface, shading.n) } else { *surface };
+        let start = if shadows { world.shadow_origin(surface, shading.n) } else { *surface };
+        // Where shadow rays leave to either side: the same for every light.
+        let (above, below) = (start.ray(start.ng).origin, start.ray(-start.ng).origin);
+        let shadow_ray = |incident: &Incident| {
+            let origin = if start.ng.dot(incident.wi) >= 0.0 { above } else { below };
+            incident
+                .target
+                .map_or_else(|| Ray::new(origin, incident.wi), |target| Ray { origin, dir: target - origin, t_max: 1.0 })
+        };
         for emitter in &self.emitters {
             // Light from everywhere at once: the diffuse lobe under its irradiance, no highlight.
             light.diffuse += lambertian_radiance(shading.bsdf.diffuse_reflectance(), emitter.irradiance(shading.n));
@@ -112,7 +120,7 @@ impl Lights {
                     return;
                 }
                 if shadows && incident.casts_shadow {
-                    batch.push(shadow_ray(&shadow_origin, &incident), diffuse, specular);
+                    batch.push(shadow_ray(&incident), diffuse, specular);
                     if batch.n == 8 {
                         batch.flush(world, &mut light, n_rays);
                     }
@@ -125,11 +133,6 @@ impl Lights {
         batch.flush(world, &mut light, n_rays);
         light
     }
-}
-
-/// From a surface to where light comes from.
-fn shadow_ray(surface: &Surface, incident: &Incident) -> Ray {
-    incident.target.map_or_else(|| surface.ray(incident.wi), |target| surface.segment_to(target))
 }
 
 /// Shadow rays of one point, asked eight at a time: towards an emitter's points they keep together, which packets like.
