@@ -724,6 +724,25 @@ fn scene_files_that_include_each_other_in_a_circle_or_without_end_are_refused() 
 }
 
 #[test]
+fn files_and_what_they_include_stay_within_the_memory_allowed() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let fails = |toml: &str, max_memory: u64| {
+        let path = folder.path().join("scene.toml");
+        std::fs::write(&path, toml).expect("temporary file");
+        import::load(&path, &Options { max_memory, ..Options::default() }).err().map(|e| e.to_string())
+    };
+    let round = "[[shape]]\ncylinder = { from = [0,0,0], to = [0,1,0], radius = 1, segments = 1024 }\n";
+    assert_eq!(fails(round, 1 << 20), None);
+    let many = fails(&round.repeat(40), 4 << 20).expect("too much");
+    assert!(many.contains("more than the 4 MiB allowed"), "{many}");
+    let long = fails(&format!("about = \"{}\"", "x".repeat(100_000)), 1 << 20).expect("too long");
+    assert!(long.contains("reading"), "{long}");
+    std::fs::write(folder.path().join("part.toml"), round).expect("temporary file");
+    let included = fails(&format!("include = [{}]", vec!["\"part.toml\""; 40].join(",")), 4 << 20).expect("too much");
+    assert!(included.contains("more than the 4 MiB allowed"), "{included}");
+}
+
+#[test]
 fn light_in_two_quantities_is_a_warning_and_unsaid_quantity_is_that_of_what_is_included() {
     let folder = tempfile::tempdir().expect("temporary folder");
     std::fs::write(folder.path().join("lamp.toml"), "quantity = \"photometric\"\n[light.a]\npoint = [0, 1, 0]")

@@ -120,6 +120,9 @@ impl Nesting {
     const FILES: usize = 1000;
 }
 
+/// What reading one byte of a file may take: `[0,0,0],` becomes an array of three values with their places.
+const MEMORY_PER_BYTE: u64 = 64;
+
 /// Everything needed while one file becomes a scene.
 struct Reading<'a> {
     text: Text,
@@ -148,6 +151,10 @@ pub(super) fn read(bytes: &[u8], resolver: &Resolver, warnings: &mut Warnings) -
 }
 
 fn read_nested(bytes: &[u8], resolver: &Resolver, warnings: &mut Warnings, nesting: &mut Nesting) -> Result<Scene, ImportError> {
+    let (needed, allowed) = ((bytes.len() as u64).saturating_mul(MEMORY_PER_BYTE), resolver.options().max_memory);
+    if needed > allowed {
+        return Err(ImportError::TooLarge { what: format!("reading {}", resolver.path().display()), needed, allowed });
+    }
     let text = Text::new(resolver.path(), bytes)?;
     let mut file: SceneFile = toml::from_str(&text.text).map_err(|e| text.toml_error(&e))?;
     let mut scene = Scene::new(file.name.take().unwrap_or_default());
