@@ -1,5 +1,7 @@
 //! `cargo xtask …`: the chores of the project.
 
+mod bench_rays;
+
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, bail};
@@ -15,6 +17,7 @@ fn main() -> ExitCode {
     let words: Vec<&str> = args.iter().map(String::as_str).collect();
     let done = match words.as_slice() {
         ["test", rest @ ..] => test(rest),
+        ["bench", "rays", ..] => bench_rays::run(&args[2..]),
         ["pictures"] => pictures(),
         _ => {
             say(HELP);
