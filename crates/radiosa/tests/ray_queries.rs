@@ -345,6 +345,27 @@ fn no_ray_slips_between_the_triangles_of_a_closed_mesh() {
 }
 
 #[test]
+fn a_ray_that_leaves_a_wall_at_a_grazing_angle_does_not_hit_it() {
+    // Origins exactly in the wall's plane: `t` is exactly 0, which is excluded.
+    let wall = |z: f32| {
+        let positions = [(3.6, 0.8), (3.6, 3.1), (0.9, 3.1), (0.9, 0.8)].map(|(x, y)| Vec3::new(x, y, z));
+        of_mesh((positions.to_vec(), vec![[0, 1, 2], [0, 2, 3]]))
+    };
+    let mut r = Random(41);
+    for z in [-2.469_248, 0.0, 1e4] {
+        let accel = Accel::build(wall(z), CpuPath::detect());
+        for _ in 0..20_000 {
+            let origin = Vec3::new(0.9 + 2.7 * r.unit(), 0.8 + 2.3 * r.unit(), z);
+            let (sin, cos) = (6.3 * r.unit()).sin_cos();
+            // Less grazing, f32 may see a hit at a distance within its rounding of 0; who starts rays on surfaces moves them off.
+            let slope = 10f32.powf(-7.0 - 9.0 * r.unit());
+            let ray = Ray::new(origin, Vec3::new(cos, sin, slope));
+            assert_eq!(accel.closest(&ray), None, "{ray:?}");
+        }
+    }
+}
+
+#[test]
 fn hits_do_not_depend_on_the_scale_of_the_scene() {
     let (positions, triangles) = torus(40);
     let rays = random_rays(&Accel::build(of_mesh((positions.clone(), triangles.clone())), CpuPath::detect()), 20_000, 5);

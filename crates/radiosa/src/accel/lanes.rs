@@ -65,8 +65,8 @@ pub(super) use xyz;
 /// A processor: what its lanes are made of.
 pub(super) trait Cpu {
     type Wide: Lanes;
-    /// Asks for the first cache lines at this place.
-    fn prefetch<T>(place: &T);
+    /// Asks for four cache lines at a place, which need not be anything.
+    fn prefetch(place: *const u8);
 }
 
 /// Any processor.
@@ -75,7 +75,7 @@ pub(super) struct Portable;
 impl Cpu for Portable {
     type Wide = Plain;
     #[inline(always)]
-    fn prefetch<T>(_place: &T) {}
+    fn prefetch(_place: *const u8) {}
 }
 
 /// An array that the compiler may vectorise.
@@ -198,15 +198,13 @@ mod avx2 {
     impl Cpu for Avx2 {
         type Wide = F8;
         #[inline(always)]
-        fn prefetch<T>(place: &T) {
-            let p = std::ptr::from_ref(place).cast::<i8>();
+        fn prefetch(place: *const u8) {
+            let p = place.cast::<i8>();
             unsafe {
                 _mm_prefetch::<_MM_HINT_T0>(p);
                 _mm_prefetch::<_MM_HINT_T0>(p.wrapping_add(64));
                 _mm_prefetch::<_MM_HINT_T0>(p.wrapping_add(128));
-                if size_of::<T>() > 192 {
-                    _mm_prefetch::<_MM_HINT_T0>(p.wrapping_add(192));
-                }
+                _mm_prefetch::<_MM_HINT_T0>(p.wrapping_add(192));
             }
         }
     }

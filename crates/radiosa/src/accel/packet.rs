@@ -81,7 +81,8 @@ impl<L: Lanes> Sheared<L> {
     pub(super) fn new(rays: &Columns<L>, kz: usize) -> Self {
         let axes = [[1, 2, 0], [2, 0, 1], [0, 1, 2]][kz];
         let [x, y, z] = axes.map(|k| rays.d[k]);
-        Self { axes, shear: [x.div(z), y.div(z)], inv_z: L::splat(1.0).div(z) }
+        let inv_z = L::splat(1.0).div(z);
+        Self { axes, shear: [x.mul(inv_z), y.mul(inv_z)], inv_z }
     }
 
     /// All rays against one triangle of a block; those it misses by far are `None` together.
@@ -236,7 +237,7 @@ pub(super) fn trace<C: Cpu, S: Collect<C::Wide>>(bvh: &Bvh, rays: &Columns<C::Wi
     if together.count_ones() < FEW {
         return 0;
     }
-    let mut stack = Stack::<Entry>::new();
+    let (mut stack, mut height) = Stack::<Entry>::new();
     let mut active = together;
     let lanes = C::Wide::mask(together);
     let nowhere = C::Wide::splat(f32::NEG_INFINITY);
@@ -255,15 +256,15 @@ pub(super) fn trace<C: Cpu, S: Collect<C::Wide>>(bvh: &Bvh, rays: &Columns<C::Wi
                 let child = node.child(lane);
                 prefetch::<C>(bvh, child);
                 let key = u64::from(enter[lane as usize & 7].to_bits()) << 32 | u64::from(child.0);
-                stack.push(Entry { key, active });
+                stack.push(&mut height, Entry { key, active });
                 n += 1;
             }
         }
         if S::NEAREST && n > 1 {
-            stack.sort_last(n);
+            stack.sort_last(&height, n);
         }
         loop {
-            let Some(entry) = stack.pop() else { return together };
+            let Some(entry) = stack.pop(&mut height) else { return together };
             active = entry.active & collect.active();
             if active == 0 || f32::from_bits((entry.key >> 32) as u32) > last {
                 continue;

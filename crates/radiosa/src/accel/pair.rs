@@ -3,11 +3,11 @@
 //! Most pairs of patches see each other fully or not at all, and neighbours in a list of pairs have neighbouring answers. So:
 //!
 //! 1. What blocked last, and one probe ray: if it is blocked, the block of triangles that did it is tried against all rays, eight at a
-//!    time. Each further ray that is blocked alone brings its block, too.
-//! 2. If the probe is clear, the shaft of all rays is taken through the tree. If it meets at most [`FEW_LEAVES`] leaves, their triangles
-//!    are all there is to test; none is the most frequent number. Else the search is given up: in dense surroundings the shaft
-//!    meets more and more boxes, and costs three to four times as much as plain rays.
-//! 3. What is left are packets, and single rays.
+//!    time.
+//! 2. If the probe is clear, the shaft of all rays is taken through the tree. If it meets at most [`FEW_LEAVES`] leaves and [`FEW_TRIANGLES`]
+//!    of their triangles' boxes, those are all there is to test; none is the most frequent number. Else the search is given up: in dense
+//!    surroundings the shaft meets more and more boxes.
+//! 3. What is left is traced in packets.
 //!
 //! The shaft from a box *A* to a box *B* at `s` of the way is the box *(1 − s) A + s B*; the union over `s` in [0, 1] is all segments between
 //! them, no more. Whether it meets a box of the tree is a question of intervals of `s`, as for a ray: one per plane.
@@ -314,7 +314,7 @@ impl Shaft {
     fn triangles<L: Lanes>(&self, tree: &Bvh) -> Option<[Option<(u32, u32)>; FEW_LEAVES]> {
         let mut found = [None; FEW_LEAVES];
         let (mut n, mut n_triangles, mut n_leaves) = (0, 0, 0);
-        let mut stack = Stack::<u32>::new();
+        let (mut stack, mut height) = Stack::<u32>::new();
         let mut node = tree.nodes.first()?;
         loop {
             let mut mask = self.test::<L>(node);
@@ -322,7 +322,7 @@ impl Shaft {
                 let child = node.child(mask.trailing_zeros());
                 mask &= mask - 1;
                 if let Some(index) = child.as_node() {
-                    stack.push(index as u32);
+                    stack.push(&mut height, index as u32);
                     continue;
                 }
                 n_leaves += 1;
@@ -341,7 +341,7 @@ impl Shaft {
                     }
                 }
             }
-            let Some(next) = stack.pop() else { return Some(found) };
+            let Some(next) = stack.pop(&mut height) else { return Some(found) };
             node = &tree.nodes[next as usize];
         }
     }

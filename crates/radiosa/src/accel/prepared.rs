@@ -56,7 +56,8 @@ impl Prepared {
             return None;
         }
         let exponent = longest.to_bits() >> 23;
-        let scale = f32::from_bits((254 - exponent).clamp(1, 253) << 23);
+        let exponent = (254 - exponent).clamp(1, 253);
+        let (scale, inv_scale) = (f32::from_bits(exponent << 23), f32::from_bits((254 - exponent) << 23));
         let (d, o) = (ray.dir * scale, ray.origin);
         let (d, o) = (d.to_array(), o.to_array());
         let size = d.map(f32::abs);
@@ -68,23 +69,24 @@ impl Prepared {
             2
         };
         let axes = [[1, 2, 0], [2, 0, 1], [0, 1, 2]][kz];
-        let inv_z = 1.0 / d[kz];
         let inv: [f32; 3] =
             std::array::from_fn(|k| 1.0 / if size[k] < SMALLEST_SLOPE { SMALLEST_SLOPE.copysign(d[k]) } else { d[k] });
+        // The longest is never replaced.
+        let inv_z = inv[kz];
         let middle: [f32; 3] = std::array::from_fn(|k| -(o[k] * inv[k]));
         let reach = (bounds.max - ray.origin).max(ray.origin - bounds.min).max_element();
         Some(Self {
             o,
             d,
             scale,
-            inv_scale: 1.0 / scale,
+            inv_scale,
             inv,
             near: middle.map(|m| m - m.abs() * ORIGIN_SLACK),
             far: middle.map(|m| m + m.abs() * ORIGIN_SLACK),
             near_row: std::array::from_fn(|k| if inv[k] < 0.0 { k + 3 } else { k }),
             far_row: std::array::from_fn(|k| if inv[k] < 0.0 { k } else { k + 3 }),
             axes,
-            shear: [d[axes[0]] / d[kz], d[axes[1]] / d[kz]],
+            shear: [d[axes[0]] * inv_z, d[axes[1]] * inv_z],
             inv_z,
             reach,
             vertex_error: reach * VERTEX_ERROR,

@@ -29,10 +29,10 @@ use crate::math::DVec3;
 const EPSILON: f32 = f32::EPSILON * 0.5;
 
 /// Error of an edge function is below `EDGE_ERROR · e · (z + e)`, where `e` bounds the sheared vertices of a triangle that is hit (twice
-/// its longest extent, `Block::extent`, plus their own error) and `z` their depth. Each sheared coordinate is off by at most ε(5z + 2e):
-/// one rounding of the difference in x, one in z, the slope's, the product's, the final one. The function has four of them,
-/// each multiplied by at most `e`, and three roundings of its own: ε·e·(20z + 12e).
-const EDGE_ERROR: f32 = 21.0 * EPSILON;
+/// its longest extent, `Block::extent`, plus their own error) and `z` their depth. Each sheared coordinate is off by at most ε(6z + 2e):
+/// one rounding of the difference in x, one in z, two of the slope, the product's, the final one. The function has four of them,
+/// each multiplied by at most `e`, and three roundings of its own: ε·e·(24z + 12e).
+const EDGE_ERROR: f32 = 25.0 * EPSILON;
 
 /// Added to `e` for a vertex's own error, in parts of the distance.
 pub(super) const VERTEX_ERROR: f32 = 8.0 * EPSILON;
@@ -112,7 +112,7 @@ pub(super) fn precise(d: DVec3, [a, b, c]: [DVec3; 3]) -> Option<(f32, f32, f32)
     let weight = |x: f64| (x / det).clamp(0.0, 1.0);
     let (v, w) = (weight(v), weight(w));
     let w = w.min(1.0 - v);
-    // In the axis of the ray's largest component; interpolation between the vertices' depths cannot leave the triangle.
+    // From the plane, which gives exactly 0 for an origin in it; but not beyond the vertices' depths, in the ray's largest axis.
     let k = if d.x.abs() >= d.y.abs().max(d.z.abs()) {
         0
     } else if d.y.abs() >= d.z.abs() {
@@ -120,6 +120,9 @@ pub(super) fn precise(d: DVec3, [a, b, c]: [DVec3; 3]) -> Option<(f32, f32, f32)
     } else {
         2
     };
-    let t = ((1.0 - v - w) * a[k] + v * b[k] + w * c[k]) / d[k];
+    let depths = [a[k] / d[k], b[k] / d[k], c[k] / d[k]];
+    let (first, last) = depths.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), &t| (t.min(lo), t.max(hi)));
+    let n = (b - a).cross(c - a);
+    let t = (a.dot(n) / d.dot(n)).max(first).min(last);
     Some((t as f32, v as f32, w as f32))
 }

@@ -37,8 +37,8 @@ impl Node2 {
     }
 }
 
-/// Bins an axis.
-const BINS: usize = 16;
+/// Bins an axis. With 16 rays were 3 to 6 % slower, with 64 no faster.
+const BINS: usize = 32;
 
 /// Below this many references a subtree is built by one thread; each of the larger ones is a task.
 const SEQUENTIAL: usize = 2048;
@@ -152,9 +152,7 @@ fn partition(references: &mut [Reference], extents: &Extents, scale: f32) -> Opt
     let n = references.len();
     let origin = extents.centres.min;
     let spread = extents.centres.extent();
-    // Fewer references need fewer bins.
-    let n_bins = if n < 16 { 8 } else { BINS };
-    let to_bin = Vec3::from(spread.to_array().map(|e| if e > 0.0 { n_bins as f32 * 0.9999 / e } else { 0.0 }));
+    let to_bin = Vec3::from(spread.to_array().map(|e| if e > 0.0 { BINS as f32 * 0.9999 / e } else { 0.0 }));
     if !to_bin.is_finite() || to_bin == Vec3::ZERO {
         return None;
     }
@@ -192,13 +190,13 @@ fn partition(references: &mut [Reference], extents: &Extents, scale: f32) -> Opt
         }
         let mut right_cost = [0.0; BINS];
         let (mut bounds, mut count) = (Bounds::EMPTY, 0);
-        for i in (1..n_bins).rev() {
+        for i in (1..BINS).rev() {
             bounds = bounds.union(bins[i].bounds);
             count += bins[i].count;
             right_cost[i] = if count == 0 { f32::INFINITY } else { area(&bounds) * count as f32 };
         }
         let (mut bounds, mut count) = (Bounds::EMPTY, 0);
-        for i in 1..n_bins {
+        for i in 1..BINS {
             bounds = bounds.union(bins[i - 1].bounds);
             count += bins[i - 1].count;
             let cost = area(&bounds) * count as f32 + right_cost[i];

@@ -1,6 +1,7 @@
 //! Building a tree: references, a binary tree by the surface-area heuristic, polish, collapse to eight-wide.
 //!
-//! Every step is a function of its input alone, so the tree does not depend on the number of threads.
+//! Every step is a function of its input alone, so the tree does not depend on the number of threads. Beside the source, building takes
+//! about 200 bytes for a triangle while it runs; the tree itself keeps about 100.
 
 mod binary;
 mod collapse;
@@ -53,11 +54,11 @@ pub(super) fn build(source: &dyn Source) -> Bvh {
     if references.is_empty() {
         return Bvh { nodes: Vec::new(), blocks: Vec::new(), bounds };
     }
-    let mut tree = binary::build(references.clone(), binary::Split::Heuristic);
+    let mut tree = binary::build(references, binary::Split::Heuristic);
     reinsert::optimise(&mut tree);
     collapse::collapse(&tree, source, bounds)
         // Only a tree shaped by malice is so deep; halving by count bounds the depth.
-        .or_else(|| collapse::collapse(&binary::build(references, binary::Split::Count), source, bounds))
+        .or_else(|| collapse::collapse(&binary::build(self::references(source), binary::Split::Count), source, bounds))
         .expect("a tree halved by count is as deep as the logarithm of its size")
 }
 
