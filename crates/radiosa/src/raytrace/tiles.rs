@@ -73,7 +73,8 @@ impl<'a, I: Integrator> TiledRender<'a, I> {
                 let pixel = y * s.width + x;
                 let mut mean = Accumulator::new();
                 for sample in 0..s.spp {
-                    let at = s.filter.sample(sequence::pixel_sample(s.seed, pixel, sample, s.spp));
+                    // The same pattern in every pixel: edges of very bright things come out even instead of dotted.
+                    let at = s.filter.sample(sequence::pixel_sample(s.seed, 0, sample, s.spp));
                     let (px, py) = (f64::from(x) + 0.5 + f64::from(at.offset.x), f64::from(y) + 0.5 + f64::from(at.offset.y));
                     let mut stream = Stream::new(s.seed, u64::from(pixel), u64::from(sample));
                     mean.add(&self.integrator.sample(world, &self.view.ray(px, py), &mut stream, &mut n_rays), at);
