@@ -78,7 +78,14 @@ fn install_page_tools() {
 
 /// The pictures of the README and the book: each made again by the command beside it.
 fn pictures() -> Result<()> {
-    let pictures: [(&str, &[&str]); 0] = [];
+    let pictures: [(&str, &[&str]); 6] = [
+        ("docs/pictures/cornell-box.png", &["cornell-box", "--size", "480x480", "--emitters", "8"]),
+        ("docs/pictures/room.png", &["room", "--size", "480x360"]),
+        ("docs/pictures/whitted.png", &["whitted", "--size", "480x360"]),
+        ("docs/pictures/phong-spheres.png", &["phong-spheres", "--size", "480x360"]),
+        ("docs/pictures/light-types.png", &["light-types", "--size", "480x360"]),
+        ("docs/pictures/parallel-plates.png", &["parallel-plates", "--size", "480x240"]),
+    ];
     for (path, args) in pictures {
         say(path);
         run(cargo().args(["run", "--release", "--quiet", "--", "render"]).args(args).args(["--quiet", "--output", path]))?;
