@@ -53,6 +53,9 @@ pub(crate) enum ScenesAction {
         /// Where to; the scene's name with .toml in the current folder when left out
         #[arg(short, long)]
         output: Option<PathBuf>,
+        /// Replace a file that exists
+        #[arg(long)]
+        force: bool,
     },
 }
 
@@ -113,6 +116,10 @@ pub(crate) struct Render {
     /// Where highlights are seen from: the eye point, or infinitely far away
     #[arg(long, value_enum, default_value_t = Viewer::Local)]
     pub(crate) viewer: Viewer,
+
+    /// Give a scene of which nothing would be seen a headlight and a soft sky (said when it happens)
+    #[arg(long, value_enum, default_value_t = OnOff::On)]
+    pub(crate) default_light: OnOff,
 
     /// Light the scene with an environment map (.hdr, .exr), "none" to remove the scene's own, or a constant radiance r,g,b
     #[arg(long, value_name = "FILE|none|R,G,B")]

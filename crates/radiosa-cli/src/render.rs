@@ -53,25 +53,21 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
     let load_time = start.elapsed();
 
     let n_primitives = scene.n_primitives();
+    // About what the prepared world takes a primitive, and the pictures.
+    let prepared = n_primitives * 230 + scene.images.iter().map(image_bytes).sum::<u64>();
+    within_memory("the scene", prepared, args)?;
+    if interrupt::asked() {
+        return Ok(ExitCode::from(130));
+    }
     let built = Instant::now();
     let world = World::prepare(scene, cpu_path)?;
     let build_time = built.elapsed();
     let (camera, size) = camera_and_size(&world, args)?;
     let mut warn = |name, message: String| warnings.push(Warning { name, path: PathBuf::from(&args.scene), message });
     let plan = Plan { layers: layers(args, &outputs), outputs, size, camera };
-    let needed = Film::memory(plan.size.width, plan.size.height, &plan.layers);
-    if needed > args.max_memory {
-        return Err(Error::failed(
-            format!(
-                "a picture of {}x{} with these layers takes {} MiB, more than the {} MiB allowed",
-                plan.size.width,
-                plan.size.height,
-                needed >> 20,
-                args.max_memory >> 20
-            ),
-            "ask for a smaller --size, fewer --layers, or a larger --max-memory",
-        ));
-    }
+    let film = Film::memory(plan.size.width, plan.size.height, &plan.layers);
+    // Encoding holds a copy of what it writes.
+    within_memory(&format!("a picture of {}x{} with its scene", plan.size.width, plan.size.height), prepared + 2 * film, args)?;
 
     let why = "ray casting is the only method so far";
     let method = match args.method {
@@ -102,10 +98,14 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
     let shape = (plan.size.width, plan.size.height);
     // (`--emitters ignore` asks for just that where emitters are all there is.)
     let wanted = args.emitters == args::Emitters::Ignore && default_light::has_light(&world);
-    if !wanted && default_light::lit_fraction(&world, &view, shape, &ray_cast) < 0.01 {
+    let seen = default_light::survey(&world, &view, shape, &ray_cast);
+    if seen.surfaces == 0 {
+        warn("nothing-to-see", "the camera sees no surface".to_owned());
+    }
+    if args.default_light == OnOff::On && !wanted && seen.surfaces > 0 && seen.visible == 0 {
         settings.extra_lights = default_light::lights(&plan.camera);
         let helped = RayCast::new(&world, &settings, view.forward());
-        if default_light::lit_fraction(&world, &view, shape, &helped) >= 0.01 {
+        if default_light::survey(&world, &view, shape, &helped).visible > 0 {
             let names: Vec<String> = settings.extra_lights.iter().map(|l| format!("\"{}\"", l.name)).collect();
             let why = if default_light::has_light(&world) {
                 "the scene's own lights reach nothing the camera sees"
@@ -229,6 +229,27 @@ fn trace(args: &Render, plan: &Plan, world: &World, view: &View, ray_cast: &RayC
     progress.finish();
     let n_rays = render.n_rays();
     Ok((render.into_film(), 1.0, n_rays))
+}
+
+/// An error when something of a known size is more than what is allowed.
+fn within_memory(what: &str, needed: u64, args: &Render) -> Result<(), Error> {
+    if needed <= args.max_memory {
+        return Ok(());
+    }
+    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+    Err(Error::failed(
+        format!("{what} takes about {} MiB, more than the {} MiB allowed", mib(needed), mib(args.max_memory)),
+        "ask for a smaller --size, fewer --layers, or a larger --max-memory",
+    ))
+}
+
+fn image_bytes(image: &radiosa::scene::Image) -> u64 {
+    use radiosa::scene::Pixels;
+    match &image.pixels {
+        Pixels::Rgba8(p) => p.len() as u64,
+        Pixels::Rgba16(p) => 2 * p.len() as u64,
+        Pixels::Rgba32F(p) => 4 * p.len() as u64,
+    }
 }
 
 fn cpu_path(choice: args::CpuPath) -> Result<CpuPath, Error> {
@@ -380,7 +401,16 @@ fn quantity_name(quantity: Quantity) -> &'static str {
 }
 
 fn recipe(args: &Render, world: &World, plan: &Plan, view: &View, method: &str, done: f64) -> Recipe {
-    let command: Vec<String> = std::env::args().skip(1).map(|a| shell_word(&a)).collect();
+    // The number of threads changes nothing, so it is no part of the recipe and the files are the same.
+    let mut words = std::env::args().skip(1);
+    let mut command = Vec::new();
+    while let Some(word) = words.next() {
+        if word == "--threads" {
+            words.next();
+        } else if !word.starts_with("--threads=") {
+            command.push(shell_word(&word));
+        }
+    }
     let recipe = Recipe::new()
         .with("version", env!("CARGO_PKG_VERSION"))
         .with("command", format!("radiosa {}", command.join(" ")))

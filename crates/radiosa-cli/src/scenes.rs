@@ -23,9 +23,17 @@ pub(crate) fn run(scenes: Scenes, json: bool) -> Result<ExitCode, Error> {
                 }
             }
         }
-        Some(ScenesAction::Export { name, output }) => {
+        Some(ScenesAction::Export { name, output, force }) => {
             let text = sample::get(&name).ok_or_else(|| unknown(&name))?.toml;
             let output = output.unwrap_or_else(|| PathBuf::from(format!("{name}.toml")));
+            if output.exists() && !force {
+                return Err(Error::failed(
+                    format!("{} exists already", output.display()),
+                    "choose another name with --output, or replace it with --force",
+                ));
+            }
+            // The schema lies in the source tree only.
+            let text: String = text.lines().filter(|l| !l.starts_with("#:schema")).map(|l| format!("{l}\n")).collect();
             radiosa::export::write_atomically(&output, |file| file.write_all(text.as_bytes()))?;
             if json {
                 say(&serde_json::json!({ "outputs": [output] }).to_string());

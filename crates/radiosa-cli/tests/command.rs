@@ -100,12 +100,8 @@ fn the_recipe_inside_a_picture_can_be_read_back() {
 fn the_same_command_writes_the_same_bytes_with_any_number_of_threads() {
     let dir = tempfile::tempdir().expect("temporary folders can be made");
     let render = |threads: &str| {
-        let name = format!("{threads}.hdr");
-        radiosa(dir.path(), &["render", "whitted", "--size", "80x60", "--threads", threads, "-o", &name]);
-        let bytes = std::fs::read(dir.path().join(name)).expect("written");
-        // The header names the command, the pixels follow the resolution line.
-        let start = bytes.windows(3).position(|w| w == b"\n-Y").expect("a Radiance picture");
-        bytes[start..].to_vec()
+        radiosa(dir.path(), &["render", "whitted", "--size", "80x60", "--threads", threads, "-o", "w.exr"]);
+        std::fs::read(dir.path().join("w.exr")).expect("written")
     };
     let one = render("1");
     for n in ["2", "3", "7"] {
@@ -160,4 +156,24 @@ fn version_as_json_names_the_cpu_path() {
     let version: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(version["version"], env!("CARGO_PKG_VERSION"));
     assert!(version["cpu_path"].is_string());
+}
+
+#[test]
+fn a_time_budget_holds_for_small_pictures_of_many_samples_too() {
+    let start = std::time::Instant::now();
+    let (dir, output) =
+        in_folder(&["render", "--size", "100x100", "--spp", "8192", "--time", "0.5s", "--json", "-q", "-o", "r.png"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(start.elapsed().as_secs() < 20);
+    assert!(dir.path().join("r.png").exists());
+}
+
+#[test]
+fn exporting_a_scene_does_not_replace_a_file() {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    std::fs::write(dir.path().join("room.toml"), "mine").expect("writable");
+    let output = radiosa(dir.path(), &["scenes", "export", "room"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(std::fs::read(dir.path().join("room.toml")).expect("there"), b"mine");
+    assert!(radiosa(dir.path(), &["scenes", "export", "room", "--force"]).status.success());
 }

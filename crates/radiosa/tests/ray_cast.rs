@@ -223,3 +223,56 @@ fn a_coarse_round_mesh_has_no_steps_at_the_terminator() {
     let (x, y) = (at as u32 / 3 % SIZE, at as u32 / 3 / SIZE);
     assert!(worst < 0.04, "off by {worst} at ({x}, {y}): {} instead of {}", coarse[at], exact[at]);
 }
+
+/// A white floor of radiance `k` under a classic light that hangs in the very plane of a ceiling: every pixel is lit.
+#[test]
+fn a_lamp_in_the_plane_of_a_ceiling_is_not_hidden_by_it() {
+    for (tilt, height) in [(0.0, 3.0), (0.0, 2.7), (0.3, 3.0)] {
+        let mut scene = before_a_glow(Material::lambert("white", Spectrum::gray(0.5)));
+        scene.materials[1] = scene.materials[0].clone();
+        scene.instances[1].transform =
+            DAffine3::from_translation(DVec3::Z * height) * DAffine3::from_rotation_x(std::f64::consts::PI + tilt);
+        let position = DVec3::new(0.1, 0.0, height);
+        let kind = radiosa::scene::LightKind::Point {
+            position,
+            unit: Default::default(),
+            attenuation: Default::default(),
+            range: f64::INFINITY,
+        };
+        scene.lights.push(radiosa::scene::Light::new("lamp", Spectrum::WHITE, kind));
+        let ahead = radiosa::scene::Projection::Perspective { fov_y: 1.0 };
+        let eye = DVec3::new(0.0, 0.5, height - 1.0);
+        scene.cameras.push(radiosa::scene::Camera::look_at("main", eye, DVec3::ZERO, DVec3::Y, ahead));
+        let film = render(scene, 1, CpuPath::detect());
+        let dark = (0..SIZE * SIZE).filter(|i| film.color(i % SIZE, i / SIZE).is_black()).count();
+        assert_eq!(dark, 0, "tilt {tilt}, height {height}");
+    }
+}
+
+#[test]
+fn an_emitter_lights_by_what_is_there_of_it() {
+    let seen = |mode, value| {
+        let mut scene = before_a_glow(Material::lambert("white", Spectrum::gray(0.5)));
+        // The glowing square stands beside the camera's view, facing the white one.
+        scene.instances[1].transform =
+            DAffine3::from_translation(DVec3::new(0.0, 0.0, 30.0)) * DAffine3::from_rotation_x(std::f64::consts::PI);
+        scene.materials[1].alpha = Alpha { mode, value: ScalarMap::constant(value) };
+        // Next to nothing, so that the scene is never without light and given one.
+        scene.ambient = Spectrum::gray(1e-9);
+        centre_of(scene).g
+    };
+    let whole = seen(AlphaMode::Opaque, 1.0);
+    assert!(whole > 0.01);
+    assert!((seen(AlphaMode::Blend, 0.25) / whole - 0.25).abs() < 1e-4);
+    assert!(seen(AlphaMode::Mask { cutoff: 0.5 }, 0.4) < 1e-8);
+    assert!((seen(AlphaMode::Mask { cutoff: 0.5 }, 0.6) / whole - 1.0).abs() < 1e-4);
+}
+
+#[test]
+fn a_constant_environment_shows_its_radiance_times_the_reflectance() {
+    let mut scene = before_a_glow(Material::lambert("white", Spectrum::gray(0.8)));
+    scene.instances.truncate(1);
+    scene.environment = Some(radiosa::scene::Environment { scale: Spectrum::gray(0.7), ..Default::default() });
+    let seen = centre_of(scene).g;
+    assert!((seen - 0.56).abs() < 1e-4, "{seen}");
+}

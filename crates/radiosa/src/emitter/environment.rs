@@ -87,7 +87,9 @@ impl Sky {
     /// As a light of the local models: the scene's number of directions, or the irradiance integral when that is zero (no highlight,
     /// no shadow).
     pub fn emitter(&self, shadows: EnvironmentShadows) -> Emitter {
-        if self.n_directions == 0 {
+        // The same radiance from everywhere needs no directions: its irradiance is exact.
+        let is_constant = matches!(self.radiance, Radiance::Constant(_));
+        if self.n_directions == 0 || (is_constant && shadows == EnvironmentShadows::Off) {
             Emitter::Environment(IrradianceTable::new(self))
         } else {
             Emitter::Discrete(Discrete::of_environment(&self.reduce(self.n_directions as usize), shadows))

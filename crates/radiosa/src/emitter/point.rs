@@ -18,6 +18,8 @@ pub enum Falloff {
         c2: f32,
         /// Quadratic.
         c3: f32,
+        /// `1/range`, zero for none: the same smooth end as below.
+        inverse_range: f32,
     },
     /// `1/d²`, smoothly ended by glTF's `range`: `clamp(1 − (d/range)⁴, 0, 1)/d²` [KhrLights].
     InverseSquare {
@@ -30,18 +32,20 @@ impl Falloff {
     /// The factor at distance `d > 0`.
     pub fn at(self, d: f32) -> f32 {
         match self {
-            Self::Classic { c1, c2, c3 } => {
+            Self::Classic { c1, c2, c3, inverse_range } => {
                 let denominator = c1 + d * (c2 + d * c3);
                 // Also catches a denominator of zero or less, where the formula has no bound but the minimum.
-                if denominator > 1.0 { 1.0 / denominator } else { 1.0 }
+                smooth_end(d * inverse_range) * if denominator > 1.0 { 1.0 / denominator } else { 1.0 }
             }
-            Self::InverseSquare { inverse_range } => {
-                let x = d * inverse_range;
-                let x2 = x * x;
-                (1.0 - x2 * x2).clamp(0.0, 1.0) / (d * d)
-            }
+            Self::InverseSquare { inverse_range } => smooth_end(d * inverse_range) / (d * d),
         }
     }
+}
+
+/// `clamp(1 − x⁴, 0, 1)`: one at the light, nothing from the range on [KhrLights].
+fn smooth_end(x: f32) -> f32 {
+    let x2 = x * x;
+    (1.0 - x2 * x2).clamp(0.0, 1.0)
 }
 
 /// A point light.
@@ -62,7 +66,9 @@ pub struct Point {
 impl Point {
     pub(super) fn new(light: &Light, position: DVec3, unit: PhotometricUnit, a: Attenuation, range: f64) -> Self {
         let falloff = match unit {
-            PhotometricUnit::Classic => Falloff::Classic { c1: a.c1 as f32, c2: a.c2 as f32, c3: a.c3 as f32 },
+            PhotometricUnit::Classic => {
+                Falloff::Classic { c1: a.c1 as f32, c2: a.c2 as f32, c3: a.c3 as f32, inverse_range: (1.0 / range) as f32 }
+            }
             PhotometricUnit::Physical => Falloff::InverseSquare { inverse_range: (1.0 / range) as f32 },
         };
         let factor = irradiance_factor(unit);

@@ -89,6 +89,12 @@ pub(super) fn check_writable(path: &Path) -> Result<(), ExportError> {
             source: io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"),
         });
     }
+    if fs::metadata(path).is_ok_and(|meta| !meta.is_file()) {
+        return Err(ExportError::Io {
+            path: path.to_path_buf(),
+            source: io::Error::new(io::ErrorKind::InvalidInput, "it is a device or a pipe; results are written to regular files"),
+        });
+    }
     match fs::metadata(folder) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Err(refuse("does not exist".into())),
         Err(e) => return Err(refuse(format!("cannot be used: {e}"))),
@@ -104,6 +110,9 @@ pub(super) fn check_writable(path: &Path) -> Result<(), ExportError> {
 /// # Errors
 /// When the folder cannot be written to, `fill` fails, or the disk is full.
 pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>) -> Result<(), ExportError> {
+    // What a link points to is written, not the link.
+    let resolved = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+    let path = resolved.as_path();
     check_folder_exists(path)?;
     let io = |source| ExportError::Io { path: path.to_path_buf(), source };
     let mut temporary = temporary_beside(path).map_err(io)?;

@@ -93,13 +93,15 @@ impl Integrator for RayCast {
             let wo = -ray.dir;
             let mut shading = world.shading(&surface, wo);
             travelled += hit.t;
-            if layer == 0 {
+            if pixel.object.is_none() && shading.coverage > 0.0 {
+                let (position, normal, metres) = world.to_file(surface.p, shading.n);
                 pixel.albedo = shading.bsdf.albedo();
-                pixel.normal = shading.n;
-                pixel.position = (surface.p.as_dvec3() + world.origin()).as_vec3();
-                pixel.depth = travelled;
+                pixel.normal = normal;
+                pixel.position = position;
+                pixel.depth = travelled / metres;
                 pixel.object = Some(surface.instance.0);
             }
+            let glass = shading.straight_transmission();
             if self.viewer == Viewer::Infinite {
                 shading.wo = self.to_viewer;
             }
@@ -121,7 +123,6 @@ impl Integrator for RayCast {
             pixel.indirect += ambient;
             pixel.color += ambient + diffuse + specular + emission;
 
-            let glass = shading.straight_transmission();
             through_glass |= !glass.is_black();
             open = open * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
             if open.max_channel() < NEGLIGIBLE {

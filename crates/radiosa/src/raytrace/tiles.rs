@@ -6,10 +6,17 @@ use crate::film::{Accumulator, Film, FilmError, Filter, Layer, Pixel};
 use crate::sampling::{Stream, sequence};
 use crate::transport::{Integrator, Solver, Step, View, World};
 
-/// Pixels a side of a tile: large enough that neighbouring rays share caches, small enough to spread over threads.
-const TILE: u32 = 16;
-/// Tiles a step: the unit of progress and of interruption. Fixed, so that what a step does never depends on the machine.
-const TILES_PER_STEP: usize = 32;
+/// Pixels a side of a tile, and tiles a step. A step is the unit of progress and of interruption, so with many samples a pixel both shrink; they depend on
+/// nothing else, so that what a step does never depends on the machine. Sixteen pixels are enough for neighbouring rays to share caches.
+const fn granularity(spp: u32) -> (u32, usize) {
+    match spp {
+        0..=16 => (16, 32),
+        17..=64 => (16, 16),
+        65..=512 => (8, 16),
+        513..=4096 => (4, 16),
+        _ => (2, 8),
+    }
+}
 
 /// How a picture is sampled.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,16 +67,18 @@ impl<'a, I: Integrator> TiledRender<'a, I> {
     }
 
     fn n_tiles(&self) -> usize {
-        self.settings.width.div_ceil(TILE) as usize * self.settings.height.div_ceil(TILE) as usize
+        let (side, _) = granularity(self.settings.spp);
+        self.settings.width.div_ceil(side) as usize * self.settings.height.div_ceil(side) as usize
     }
 
     /// The pixels of a tile, row by row, and the rays they took.
     fn tile(&self, world: &World, x0: u32, y0: u32) -> (Vec<Pixel>, u64) {
         let s = &self.settings;
+        let (side, _) = granularity(s.spp);
         let mut n_rays = 0;
-        let mut pixels = Vec::with_capacity((TILE * TILE) as usize);
-        for y in y0..(y0 + TILE).min(s.height) {
-            for x in x0..(x0 + TILE).min(s.width) {
+        let mut pixels = Vec::with_capacity((side * side) as usize);
+        for y in y0..(y0 + side).min(s.height) {
+            for x in x0..(x0 + side).min(s.width) {
                 let pixel = y * s.width + x;
                 let mut mean = Accumulator::new();
                 for sample in 0..s.spp {
@@ -90,9 +99,10 @@ impl<I: Integrator> Solver for TiledRender<'_, I> {
     type Solution = Film;
 
     fn step(&mut self, world: &World) -> Step {
-        let columns = self.settings.width.div_ceil(TILE) as usize;
-        let corner = |tile: usize| ((tile % columns) as u32 * TILE, (tile / columns) as u32 * TILE);
-        let end = (self.next + TILES_PER_STEP).min(self.n_tiles());
+        let (side, _) = granularity(self.settings.spp);
+        let columns = self.settings.width.div_ceil(side) as usize;
+        let corner = |tile: usize| ((tile % columns) as u32 * side, (tile / columns) as u32 * side);
+        let end = (self.next + granularity(self.settings.spp).1).min(self.n_tiles());
         let this = &*self;
         let tiles: Vec<_> = (self.next..end)
             .into_par_iter()
@@ -103,7 +113,7 @@ impl<I: Integrator> Solver for TiledRender<'_, I> {
             .collect();
         for (tile, (pixels, n_rays)) in (self.next..end).zip(tiles) {
             let (x0, y0) = corner(tile);
-            let across = TILE.min(self.settings.width - x0);
+            let across = side.min(self.settings.width - x0);
             for (i, pixel) in pixels.iter().enumerate() {
                 self.film.set_pixel(x0 + i as u32 % across, y0 + i as u32 / across, pixel);
             }

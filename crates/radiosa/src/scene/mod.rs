@@ -212,6 +212,13 @@ impl Scene {
                 }
             }
         }
+        for material in &mut self.materials {
+            match &mut material.model {
+                Model::Phong(m) => m.absorption = m.absorption / scale as f32,
+                Model::MetallicRoughness(m) => m.absorption = m.absorption / scale as f32,
+                Model::CookTorrance(_) => {}
+            }
+        }
         if let Some(environment) = &mut self.environment {
             environment.rotation = crate::math::DQuat::from_mat3(&rotation) * environment.rotation;
         }

@@ -35,19 +35,28 @@ pub fn has_light(world: &World) -> bool {
         || !world.emissive().is_empty()
 }
 
-/// The fraction of what a camera sees, in a coarse look, on which `method` finds reflected light; 1 when it sees nothing at all.
-pub fn lit_fraction(world: &World, view: &View, (width, height): (u32, u32), method: &impl Integrator) -> f64 {
+/// What a coarse look through a camera finds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Survey {
+    /// Samples that meet a surface.
+    pub surfaces: u32,
+    /// Samples that show any light at all, reflected, emitted or behind.
+    pub visible: u32,
+}
+
+/// Looks through a camera with `method`, coarsely.
+pub fn survey(world: &World, view: &View, (width, height): (u32, u32), method: &impl Integrator) -> Survey {
     const COLUMNS: u32 = 32;
     const ROWS: u32 = 24;
-    let (mut seen, mut lit) = (0u32, 0u32);
+    let mut survey = Survey::default();
     for i in 0..COLUMNS * ROWS {
         let x = (f64::from(i % COLUMNS) + 0.5) * f64::from(width) / f64::from(COLUMNS);
         let y = (f64::from(i / COLUMNS) + 0.5) * f64::from(height) / f64::from(ROWS);
         let pixel = method.sample(world, &view.ray(x, y), &mut Stream::new(0, u64::from(i), 0), &mut 0);
-        seen += u32::from(pixel.object.is_some());
-        lit += u32::from(!(pixel.ambient + pixel.diffuse + pixel.specular + pixel.refraction).is_black());
+        survey.surfaces += u32::from(pixel.object.is_some());
+        survey.visible += u32::from(!pixel.color.is_black());
     }
-    if seen == 0 { 1.0 } else { f64::from(lit) / f64::from(seen) }
+    survey
 }
 
 fn gives_light(light: &Light) -> bool {

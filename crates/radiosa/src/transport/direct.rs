@@ -3,6 +3,7 @@
 
 use super::{Shading, Surface, World};
 use crate::emitter::{Emitter, EnvironmentShadows, Incident, area};
+use crate::math::rounding::gamma;
 use crate::math::{Ray, Vec3};
 use crate::radiometry::lambertian_radiance;
 use crate::scene::Light;
@@ -53,6 +54,7 @@ pub struct Lights {
     emitters: Vec<Emitter>,
     ambient: Spectrum,
     n_points: usize,
+    n_wanted: usize,
 }
 
 /// What the lights do at a point.
@@ -74,14 +76,14 @@ impl Lights {
         let mut emitters: Vec<Emitter> =
             lights().map(|light| Emitter::prepare(light, world.origin(), settings.environment_shadows)).collect();
         emitters.extend(world.sky().map(|sky| sky.emitter(settings.environment_shadows)));
-        let mut n_points = 0;
+        let (mut n_points, mut n_wanted) = (0, 0);
         if let Emitters::Points { n, max } = settings.emitters {
             let points = area::sample_points(world.emissive(), n, max);
-            n_points = points.len();
+            (n_points, n_wanted) = (points.len(), points.n_wanted);
             emitters.push(Emitter::Area(points));
         }
         let ambient = scene.ambient + emitters.iter().map(Emitter::ambient).sum();
-        Self { emitters, ambient, n_points }
+        Self { emitters, ambient, n_points, n_wanted }
     }
 
     /// Point sources the emissive surfaces became.
@@ -91,7 +93,11 @@ impl Lights {
 
     /// What a person should know about how the lights were prepared.
     pub fn note(&self) -> Option<String> {
-        (self.n_points > 0).then(|| format!("emissive surfaces light others as {} point sources", self.n_points))
+        let (n, wanted) = (self.n_points, self.n_wanted);
+        (n > 0).then(|| {
+            let capped = if wanted > n { format!(" (the limit; {wanted} were asked for)") } else { String::new() };
+            format!("emissive surfaces light others as {n} point sources{capped}")
+        })
     }
 
     /// What every light does at a surface; `n_rays` grows by the shadow rays traced (none when `shadows` is off).
@@ -103,9 +109,11 @@ impl Lights {
         let (above, below) = (start.ray(start.ng).origin, start.ray(-start.ng).origin);
         let shadow_ray = |incident: &Incident| {
             let origin = if start.ng.dot(incident.wi) >= 0.0 { above } else { below };
-            incident
-                .target
-                .map_or_else(|| Ray::new(origin, incident.wi), |target| Ray { origin, dir: target - origin, t_max: 1.0 })
+            let Some(target) = incident.target else { return Ray::new(origin, incident.wi) };
+            // Clear of the rounding of both ends: a lamp may hang in the very plane of a ceiling.
+            let dir = target - origin;
+            let error = gamma(16) * (target.abs().max_element() + origin.abs().max_element());
+            Ray { origin, dir, t_max: 1.0 - (error / dir.abs().max_element()).min(0.5) }
         };
         for emitter in &self.emitters {
             // Light from everywhere at once: the diffuse lobe under its irradiance, no highlight.

@@ -4,7 +4,7 @@ use super::{Surface, World};
 use crate::accel::Shape;
 use crate::emitter::area::{EmissiveShape, EmissiveSurface};
 use crate::math::{DVec3, Vec3};
-use crate::scene::InstanceId;
+use crate::scene::{AlphaMode, InstanceId};
 use crate::spectrum::Spectrum;
 
 impl World {
@@ -58,10 +58,11 @@ impl World {
         found
     }
 
-    /// The mean of the emission over a primitive: exact without a texture, over a fixed pattern with one.
+    /// The mean of the emission that is there (emission times coverage) over a primitive: exact without textures and alpha, over a fixed pattern with
+    /// them.
     fn mean_emission(&self, instance: InstanceId, primitive: u32, material: Option<crate::scene::MaterialId>) -> Spectrum {
-        let emission = &self.material(material).emission;
-        if emission.texture.is_none() {
+        let (emission, alpha) = (&self.material(material).emission, &self.material(material).alpha);
+        if emission.texture.is_none() && alpha.mode == AlphaMode::Opaque {
             return emission.factor;
         }
         const SIDE: u32 = 8;
@@ -83,7 +84,7 @@ impl World {
                     local: crate::sampling::warp::uniform_sphere(crate::math::Vec2::new(a, b)),
                     material,
                 };
-                let l = self.emission_at(&surface);
+                let l = self.emission_at(&surface) * self.opacity(&surface);
                 sum += DVec3::new(f64::from(l.r), f64::from(l.g), f64::from(l.b));
                 n += 1.0;
             }

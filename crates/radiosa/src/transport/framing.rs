@@ -29,7 +29,10 @@ pub fn automatic(world: &World, aspect: f64) -> Camera {
     } else if let Some(direction) = opening(&probes) {
         outside(world, direction, 40.0, aspect)
     } else {
-        inside(world, &rooms, aspect)
+        // Where a fifth of all directions leads out, it is a place among things rather than a room.
+        let closed = |probe: &&&Probe| probe.open.len() as f64 <= 0.2 * f64::from(Probe::DIRECTIONS);
+        let closed: Vec<&Probe> = rooms.iter().filter(closed).copied().collect();
+        if closed.is_empty() { object(world, aspect) } else { inside(world, &closed, aspect) }
     };
     Camera { position: camera.position + world.origin(), ..camera }
 }

@@ -9,6 +9,9 @@ use crate::math::{Frame, Ray, Vec2, Vec3, Vec4};
 use crate::scene::{AlphaMode, ColorMap, Geometry, InstanceId, NormalMap, ScalarMap, TextureId, TextureRef, TextureSource};
 use crate::spectrum::Spectrum;
 
+/// Height of white over black in a height map, in sides of the picture, at scale 1.
+const BUMP_HEIGHT: f32 = 0.02;
+
 /// Transparent surfaces a segment passes at most; a pile of this many counts as opaque.
 const MAX_LAYERS: u32 = 256;
 
@@ -81,10 +84,8 @@ impl World {
             n = -n;
         }
         let emission = if front || material.two_sided { at.color(&material.emission) } else { Spectrum::BLACK };
-        let coverage = match material.alpha.mode {
-            AlphaMode::Blend => (at.scalar(&material.alpha.value) * at.vertex_color.w).clamp(0.0, 1.0),
-            AlphaMode::Opaque | AlphaMode::Mask { .. } => 1.0,
-        };
+        // What a mask cuts away was never hit.
+        let coverage = if material.alpha.mode == AlphaMode::Blend { self.opacity(surface) } else { 1.0 };
         Shading { n, wo, bsdf: Bsdf::resolve(material, &at), emission, coverage }
     }
 
@@ -161,10 +162,21 @@ impl World {
 
     /// False where a mask cuts a surface away.
     fn is_there(&self, surface: &Surface) -> bool {
+        !matches!(self.material_at(surface).alpha.mode, AlphaMode::Mask { .. }) || self.opacity(surface) > 0.0
+    }
+
+    /// How much of the surface is there: a mask gives 0 or 1.
+    pub(super) fn opacity(&self, surface: &Surface) -> f32 {
         let alpha = &self.material_at(surface).alpha;
-        let AlphaMode::Mask { cutoff } = alpha.mode else { return true };
-        let at = At { world: self, surface, vertex_color: surface.vertex_color(self) };
-        at.scalar(&alpha.value) * at.vertex_color.w >= cutoff
+        let value = || {
+            let at = At { world: self, surface, vertex_color: surface.vertex_color(self) };
+            at.scalar(&alpha.value) * at.vertex_color.w
+        };
+        match alpha.mode {
+            AlphaMode::Opaque => 1.0,
+            AlphaMode::Mask { cutoff } => f32::from(u8::from(value() >= cutoff)),
+            AlphaMode::Blend => value().clamp(0.0, 1.0),
+        }
     }
 
     /// The emitted radiance at a point of the surface, on the side that emits.
@@ -190,14 +202,15 @@ impl World {
         let uv = surface.uv(self, map.texture.uv_set);
         let read = |uv: Vec2| texture::sample(self.scene(), &map.texture, uv);
         let local = if map.is_height {
-            // Central differences one texel wide, the height in the units of one picture width: the convention of MTL's bump maps.
+            // Central differences one texel wide, divided by that width: the slope does not depend on how fine the picture is. MTL does not say
+            // how high white stands over black; here it is a fiftieth of the picture's side.
             let (w, h) = self.texture_size(map.texture.texture);
             let (du, dv) = (1.0 / w as f32, 1.0 / h as f32);
             let height = |u: f32, v: f32| read(uv + Vec2::new(u, v))[0];
-            let slope_u = (height(du, 0.0) - height(-du, 0.0)) * 0.5;
-            let slope_v = (height(0.0, dv) - height(0.0, -dv)) * 0.5;
+            let slope_u = (height(du, 0.0) - height(-du, 0.0)) / (2.0 * du) * BUMP_HEIGHT;
+            let slope_v = (height(0.0, dv) - height(0.0, -dv)) / (2.0 * dv) * BUMP_HEIGHT;
             // v runs down the picture, the bitangent up.
-            Vec3::new(-slope_u * map.scale, slope_v * map.scale, 0.2)
+            Vec3::new(-slope_u * map.scale, slope_v * map.scale, 1.0)
         } else {
             let [x, y, z, _] = read(uv);
             Vec3::new((2.0 * x - 1.0) * map.scale, (2.0 * y - 1.0) * map.scale, 2.0 * z - 1.0)

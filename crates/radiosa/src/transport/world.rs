@@ -146,6 +146,18 @@ impl World {
         self.origin
     }
 
+    /// A point and a unit direction of the world in the coordinates of the input file, and the length of its unit in metres. Everything written
+    /// out is in these.
+    pub fn to_file(&self, p: Vec3, n: Vec3) -> (Vec3, Vec3, f32) {
+        if self.scene.from_file == DAffine3::IDENTITY {
+            return ((p.as_dvec3() + self.origin).as_vec3(), n, 1.0);
+        }
+        let metres = libm::cbrt(self.scene.from_file.matrix3.determinant().abs());
+        let inverse = self.scene.from_file.inverse();
+        let position = inverse.transform_point3(p.as_dvec3() + self.origin).as_vec3();
+        (position, (inverse.transform_vector3(n.as_dvec3()) * metres).as_vec3(), metres as f32)
+    }
+
     /// The ray queries.
     pub fn accel(&self) -> &Accel {
         &self.accel

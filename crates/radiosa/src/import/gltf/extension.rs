@@ -70,11 +70,12 @@ pub(super) fn check(root: &Item<'_>, warnings: &mut Warnings) -> Result<(), Impo
     let left_out = |name: &str| LEFT_OUT.iter().find(|(n, _)| *n == name).map(|&(_, what)| what);
     for item in root.array("extensionsRequired")?.iter() {
         let name = item.as_text()?;
-        // Whatever a material asks for beyond what is supported, its surface can still be shown.
-        let usable = SUPPORTED.contains(&name) || left_out(name).is_some() || name.contains("_materials_");
-        if !usable {
-            return Err(unsupported(root.file(), name));
+        if SUPPORTED.contains(&name) {
+            continue;
         }
+        // Some can be left out and the file still be shown; that is said, whether or not it is listed as used too.
+        let what = left_out(name).ok_or_else(|| unsupported(root.file(), name))?;
+        warnings.add("ignored-extension", root.file(), format!("{name} is not supported: {what}"));
     }
     for item in root.array("extensionsUsed")?.iter() {
         let name = item.as_text()?;
