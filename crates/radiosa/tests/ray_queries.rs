@@ -281,7 +281,7 @@ fn agrees_with_brute_force_on_random_rays() {
         }
     }
     eprintln!("{fired} rays over {} scenes; ids and weights the same in {same} of {hits} hits", scenes.len());
-    assert!(hits > 10_000 && same as f64 > 0.995 * hits as f64, "{same} of {hits}");
+    assert!(hits > 300 * scenes.len() && same as f64 > 0.995 * hits as f64, "{same} of {hits}");
     assert!(radiosa_testkit::shared_dir().is_none() || (scenes.len() >= 20 && fired >= 1_000_000), "{fired} rays");
 }
 
