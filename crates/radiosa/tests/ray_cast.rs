@@ -10,6 +10,7 @@ use radiosa::scene::{
 };
 use radiosa::spectrum::Spectrum;
 use radiosa::transport::{Solver, Step, View, World, default_light, framing};
+use radiosa_testkit::image::rel_mse;
 
 const SIZE: u32 = 96;
 
@@ -28,18 +29,6 @@ fn render(scene: Scene, spp: u32, path: CpuPath) -> Film {
     let mut render = tiles::TiledRender::new(&method, &view, settings).expect("the film is small");
     while let Step::Working { .. } = render.step(&world) {}
     render.into_film()
-}
-
-/// Mean of `(a − b)²/(b² + ε)`, ε half the square of the reference's mean luminance.
-fn rel_mse(image: &[f32], reference: &[f32]) -> f64 {
-    let luminance = |p: &[f32]| 0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2]);
-    let mean = reference.chunks(3).map(luminance).sum::<f64>() / (reference.len() / 3) as f64;
-    let epsilon = 0.5 * mean * mean;
-    let term = |(a, b): (&f32, &f32)| {
-        let (a, b) = (f64::from(*a), f64::from(*b));
-        (a - b) * (a - b) / (b * b + epsilon)
-    };
-    image.iter().zip(reference).map(term).sum::<f64>() / reference.len() as f64
 }
 
 fn colors(film: &Film) -> Vec<f32> {
