@@ -82,8 +82,11 @@ pub mod import;
 pub mod accel;
 pub mod bsdf;
 pub mod emitter;
+pub mod raster;
 
 pub mod transport;
+
+pub mod scanline;
 
 pub mod raytrace;
 

@@ -8,7 +8,7 @@ const LAYERS: [&[&str]; 6] = [
     &["scene", "import", "film"],
     &["accel", "raster", "bsdf", "emitter"],
     &["transport"],
-    &["raytrace"],
+    &["scanline", "raytrace"],
     &["export"],
 ];
 

@@ -3,11 +3,11 @@
 use super::Hit;
 use super::bvh::Block;
 use super::dispatch::{InScene, Kernels};
-use super::lanes::Lanes;
 use super::packet::{Collect, precise};
 use super::traverse::{Always, Best, Visit};
 use super::triangle::Found;
 use super::{Accel, Ray};
+use crate::math::lanes::Lanes;
 
 /// The nearest hits.
 pub(super) struct Nearest<'a, C: Kernels> {
@@ -67,7 +67,7 @@ impl<C: Kernels> Collect<C::Wide> for Nearest<'_, C> {
 
     #[inline(always)]
     fn triangle(&mut self, block: &Block, lane: usize, found: &Found<C::Wide>, active: u32) {
-        type L<C> = <C as super::lanes::Cpu>::Wide;
+        type L<C> = <C as crate::math::lanes::Cpu>::Wide;
         let nearer = L::<C>::bits(found.t.lt(self.t)) & found.sure & active;
         let mask = L::<C>::mask(nearer);
         let take = |new: L<C>, old: L<C>| L::<C>::select(mask, new, old);

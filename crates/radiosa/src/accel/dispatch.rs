@@ -4,7 +4,6 @@ use std::marker::PhantomData;
 
 use super::bvh::Bvh;
 use super::collect::{Any, Nearest};
-use super::lanes::{Cpu, Portable};
 use super::object::Kind;
 use super::packet::{self, Columns};
 use super::pair::{Occluder, occluded_between};
@@ -12,9 +11,10 @@ use super::prepared::Prepared;
 use super::traverse::{self, Accept, Always, Best, Visit};
 use super::{Accel, Hit};
 use crate::math::Ray;
+use crate::math::lanes::{Cpu, Portable};
 
 #[cfg(target_arch = "x86_64")]
-use super::lanes::Avx2;
+use crate::math::lanes::Avx2;
 
 /// Kernels by processor: for each, the generic function it is an instance of.
 macro_rules! kernels {
@@ -38,7 +38,7 @@ macro_rules! kernels {
                     $generic::<Avx2, $($accept)?>($($arg),*)
                 }
                 #[expect(unsafe_code, reason = "calling code compiled for more than the baseline")]
-                // SAFETY: an `Accel` has the path `Avx2` only after `checked_path` saw that the processor has both features, and
+                // SAFETY: an `Accel` has the path `Avx2` only after `CpuPath::available` saw that the processor has both features, and
                 // only `Accel`'s methods lead here.
                 unsafe {
                     compiled$(::<$accept>)?($($arg),*)

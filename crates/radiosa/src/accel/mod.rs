@@ -11,7 +11,7 @@
 //! bvh         nodes of eight boxes, leaves of blocks of up to eight triangles, or of one object
 //! prepared, triangle, traverse       a ray's constants; the watertight test; one ray down a tree
 //! packet, collect, pair              eight rays together; many rays between two patches
-//! lanes, dispatch                    eight f32 at once, portable or AVX2; each query compiled for both
+//! dispatch                           each query compiled for both processors (`math::lanes`)
 //! ```
 //!
 //! # What is promised
@@ -66,7 +66,6 @@ mod build;
 mod bvh;
 mod collect;
 mod dispatch;
-mod lanes;
 mod object;
 mod packet;
 mod pair;
@@ -150,8 +149,8 @@ macro_rules! on {
     ($path:expr, $query:ident($($arg:expr),*)) => {
         match $path {
             #[cfg(target_arch = "x86_64")]
-            CpuPath::Avx2 => lanes::Avx2::$query($($arg),*),
-            _ => lanes::Portable::$query($($arg),*),
+            CpuPath::Avx2 => crate::math::lanes::Avx2::$query($($arg),*),
+            _ => crate::math::lanes::Portable::$query($($arg),*),
         }
     };
 }
@@ -161,7 +160,7 @@ impl Accel {
     ///
     /// Indices that lead nowhere, triangles that are degenerate or not finite and shapes under a transform without inverse are never hit.
     pub fn build(geometry: Geometry, path: CpuPath) -> Self {
-        let path = if CpuPath::detect() == CpuPath::Portable { CpuPath::Portable } else { path };
+        let path = path.available();
         let scene::Trees { tree, objects, shape_trees, bounds } = scene::build(&geometry);
         Self { geometry, bounds, path, tree, objects, shape_trees }
     }

@@ -7,10 +7,10 @@
 //! Rays that do not go the way of most (signs of their directions, longest axis) are traced alone.
 
 use super::bvh::{Block, Bvh, Child, LARGEST, Node, WIDTH};
-use super::lanes::{Cpu, Lanes, xyz};
 use super::prepared::{ORIGIN_SLACK, SMALLEST_SLOPE};
 use super::traverse::{Stack, prefetch};
 use super::triangle::{self, Found, VERTEX_ERROR};
+use crate::math::lanes::{Cpu, Lanes, xyz};
 use crate::math::{Bounds, DVec3, Ray, Vec3};
 
 /// Fewer rays than this on one way are traced alone.

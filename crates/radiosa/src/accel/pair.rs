@@ -15,11 +15,11 @@
 use super::bvh::{Block, Bvh, LARGEST, Node};
 use super::collect::{Any, blocked_by};
 use super::dispatch::{InScene, Kernels};
-use super::lanes::Lanes;
 use super::packet::{self, Columns, Sheared};
 use super::prepared::Prepared;
 use super::traverse::{self, Always, Best, Stack, Visit, leaf_occluded};
 use super::{Accel, Ray};
+use crate::math::lanes::Lanes;
 use crate::math::{Bounds, Vec3};
 
 /// Leaves that a shaft may meet before it is given up.

@@ -4,9 +4,9 @@ use std::mem::MaybeUninit;
 
 use super::Hit;
 use super::bvh::{Block, Bvh, Child, Node, STACK};
-use super::lanes::{Cpu, Lanes};
 use super::prepared::Prepared;
 use super::triangle::{self, Found};
+use crate::math::lanes::{Cpu, Lanes};
 use crate::math::{DVec3, Vec3};
 
 /// The nearest hit so far.

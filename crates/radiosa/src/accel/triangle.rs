@@ -21,9 +21,9 @@
 //! every true hit through the first test; lanes that pass get their own.
 
 use super::bvh::Block;
-use super::lanes::{Lanes, xyz};
 use super::prepared::Prepared;
 use crate::math::DVec3;
+use crate::math::lanes::{Lanes, xyz};
 
 /// Half a unit in the last place of 1.
 const EPSILON: f32 = f32::EPSILON * 0.5;

@@ -24,6 +24,23 @@ use thiserror::Error;
 
 use crate::spectrum::Spectrum;
 
+/// How a picture is sampled, whatever the method.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sampling {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// Camera samples a pixel, at least 1; with one, it is the pixel's centre when the filter is the box.
+    pub spp: u32,
+    /// Reconstruction filter.
+    pub filter: Filter,
+    /// Key of every random stream.
+    pub seed: u64,
+    /// What the film keeps.
+    pub layers: Vec<Layer>,
+}
+
 /// A picture in linear light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
@@ -165,6 +182,25 @@ impl Film {
         }
         if let Some(ids) = &mut self.object_ids {
             ids[i] = pixel.object.map_or(0, |id| id.saturating_add(1));
+        }
+    }
+
+    /// Copies a film of the same layers to where its first pixel is `(x, y)`.
+    ///
+    /// # Panics
+    /// When it does not fit, or its layers differ.
+    pub fn paste(&mut self, x: u32, y: u32, part: &Self) {
+        assert!(x + part.width <= self.width && y + part.height <= self.height, "the part does not fit");
+        assert!(self.layers() == part.layers(), "the layers differ");
+        let (from, to, across) = (part.width as usize, self.width as usize, x as usize + y as usize * self.width as usize);
+        for row in 0..part.height as usize {
+            let (source, target) = (row * from..(row + 1) * from, across + row * to..across + row * to + from);
+            for (plane, own) in part.planes.iter().zip(&mut self.planes) {
+                own.values[target.clone()].copy_from_slice(&plane.values[source.clone()]);
+            }
+            if let (Some(own), Some(ids)) = (&mut self.object_ids, &part.object_ids) {
+                own[target].copy_from_slice(&ids[source]);
+            }
         }
     }
 

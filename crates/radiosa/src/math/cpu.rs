@@ -22,6 +22,11 @@ impl CpuPath {
         }
         Self::Portable
     }
+
+    /// Itself where this processor can run it, `Portable` elsewhere.
+    pub fn available(self) -> Self {
+        if Self::detect() == Self::Portable { Self::Portable } else { self }
+    }
 }
 
 impl fmt::Display for CpuPath {

@@ -8,6 +8,7 @@ mod bounds;
 mod cpu;
 mod frame;
 pub mod function;
+pub(crate) mod lanes;
 mod ray;
 pub mod rounding;
 

@@ -55,9 +55,7 @@ impl RayCast {
             viewer: settings.viewer,
             lights: Lights::prepare(world, &settings.lights, &settings.extra_lights),
             to_viewer: -forward,
-            has_backdrop: !settings.extra_lights.is_empty()
-                && world.scene().background.is_black()
-                && world.scene().environment.is_none(),
+            has_backdrop: default_light::has_backdrop(world, &settings.extra_lights),
         }
     }
 

@@ -2,7 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::film::{Accumulator, Film, FilmError, Filter, Layer, Pixel};
+pub use crate::film::Sampling as Settings;
+use crate::film::{Accumulator, Film, FilmError, Pixel};
 use crate::sampling::{Stream, sequence};
 use crate::transport::{Integrator, Solver, Step, View, World};
 
@@ -16,23 +17,6 @@ const fn granularity(spp: u32) -> (u32, usize) {
         513..=4096 => (4, 16),
         _ => (2, 8),
     }
-}
-
-/// How a picture is sampled.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
-    /// Pixels across.
-    pub width: u32,
-    /// Pixels down.
-    pub height: u32,
-    /// Camera samples a pixel, at least 1; with one, it is the pixel's centre when the filter is the box.
-    pub spp: u32,
-    /// Reconstruction filter.
-    pub filter: Filter,
-    /// Key of every random stream.
-    pub seed: u64,
-    /// What the film keeps.
-    pub layers: Vec<Layer>,
 }
 
 /// A picture in the making: every step finishes some tiles. The pixels of one tile do not depend on any other, so the picture is

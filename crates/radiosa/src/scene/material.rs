@@ -395,6 +395,15 @@ impl Material {
         }
     }
 
+    /// True when light may pass through it as through glass.
+    pub fn transmits(&self) -> bool {
+        match &self.model {
+            Model::Phong(m) => !m.transmission.is_black(),
+            Model::CookTorrance(_) => false,
+            Model::MetallicRoughness(m) => m.transmission.factor > 0.0,
+        }
+    }
+
     /// True when some part of it may emit.
     pub fn is_emissive(&self) -> bool {
         self.emission.factor != Spectrum::BLACK

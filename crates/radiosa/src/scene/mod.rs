@@ -224,6 +224,25 @@ impl Scene {
         }
     }
 
+    /// Sets how every texture is read between its texels, whatever its source says.
+    pub fn set_texture_filter(&mut self, filter: Filter) {
+        self.textures.iter_mut().for_each(|t| t.sampler.filter = filter);
+    }
+
+    /// Makes everything that light passes straight through opaque: blended alpha counts as whole, glass transmits nothing. Masks stay.
+    pub fn remove_transparency(&mut self) {
+        for material in &mut self.materials {
+            if material.alpha.mode == AlphaMode::Blend {
+                material.alpha.mode = AlphaMode::Opaque;
+            }
+            match &mut material.model {
+                Model::Phong(m) => m.transmission = Spectrum::BLACK,
+                Model::MetallicRoughness(m) => m.transmission.factor = 0.0,
+                Model::CookTorrance(_) => {}
+            }
+        }
+    }
+
     /// Number of triangles counting every placed mesh; exact shapes count one.
     pub fn n_primitives(&self) -> u64 {
         self.instances

@@ -68,3 +68,8 @@ fn gives_light(light: &Light) -> bool {
         _ => !light.diffuse.is_black() || !light.specular.is_black(),
     }
 }
+
+/// True when the backdrop of these lights stands behind a scene: they are there, and it has no background of its own.
+pub fn has_backdrop(world: &World, extra_lights: &[Light]) -> bool {
+    !extra_lights.is_empty() && world.scene().background.is_black() && world.scene().environment.is_none()
+}

@@ -161,12 +161,12 @@ impl World {
     }
 
     /// False where a mask cuts a surface away.
-    fn is_there(&self, surface: &Surface) -> bool {
+    pub(crate) fn is_there(&self, surface: &Surface) -> bool {
         !matches!(self.material_at(surface).alpha.mode, AlphaMode::Mask { .. }) || self.opacity(surface) > 0.0
     }
 
     /// How much of the surface is there: a mask gives 0 or 1.
-    pub(super) fn opacity(&self, surface: &Surface) -> f32 {
+    pub(crate) fn opacity(&self, surface: &Surface) -> f32 {
         let alpha = &self.material_at(surface).alpha;
         let value = || {
             let at = At { world: self, surface, vertex_color: surface.vertex_color(self) };

@@ -1,6 +1,7 @@
 //! Camera rays.
 
 use crate::math::{DVec3, Ray, Vec3};
+use crate::raster;
 use crate::scene::{Camera, Projection};
 
 /// A camera with a picture of a given size: maps picture coordinates to rays in world coordinates.
@@ -10,12 +11,19 @@ pub struct View {
     eye: DVec3,
     width: f64,
     height: f64,
+    /// Half the height of the picture plane at distance 1, or half the height of a parallel view.
+    half: f64,
 }
 
 impl View {
     /// `origin` is the world's ([`super::World::origin`]).
     pub fn new(camera: &Camera, origin: DVec3, width: u32, height: u32) -> Self {
-        Self { camera: camera.clone(), eye: camera.position - origin, width: f64::from(width), height: f64::from(height) }
+        let half = match camera.projection {
+            Projection::Perspective { fov_y } => libm::tan(fov_y * 0.5),
+            Projection::Orthographic { height } => height * 0.5,
+            Projection::Panoramic => 1.0,
+        };
+        Self { camera: camera.clone(), eye: camera.position - origin, width: f64::from(width), height: f64::from(height), half }
     }
 
     /// The eye point (centre of projection) in world coordinates.
@@ -34,15 +42,10 @@ impl View {
         let u = (2.0 * x - self.width) / self.height;
         let v = 1.0 - 2.0 * y / self.height;
         let basis = &self.camera.basis;
+        let s = self.half;
         let (origin, dir) = match self.camera.projection {
-            Projection::Perspective { fov_y } => {
-                let s = libm::tan(fov_y * 0.5);
-                (self.eye, basis.x_axis * (u * s) + basis.y_axis * (v * s) - basis.z_axis)
-            }
-            Projection::Orthographic { height } => {
-                let s = height * 0.5;
-                (self.eye + basis.x_axis * (u * s) + basis.y_axis * (v * s), -basis.z_axis)
-            }
+            Projection::Perspective { .. } => (self.eye, basis.x_axis * (u * s) + basis.y_axis * (v * s) - basis.z_axis),
+            Projection::Orthographic { .. } => (self.eye + basis.x_axis * (u * s) + basis.y_axis * (v * s), -basis.z_axis),
             Projection::Panoramic => {
                 let phi = (x / self.width - 0.5) * std::f64::consts::TAU;
                 let theta = y / self.height * std::f64::consts::PI;
@@ -54,6 +57,16 @@ impl View {
         Ray::new(origin.as_vec3(), dir.normalize().as_vec3())
     }
 
+    /// The linear map to the picture that scan conversion needs, with `near` where perspective needs a near plane; `None` for panoramas, which are not linear.
+    pub fn projection(&self, near: f64) -> Option<raster::Projection> {
+        let basis = &self.camera.basis;
+        match self.camera.projection {
+            Projection::Perspective { fov_y } => Some(raster::Projection::perspective(self.eye, basis, fov_y, self.height, near)),
+            Projection::Orthographic { height } => Some(raster::Projection::orthographic(self.eye, basis, height, self.height)),
+            Projection::Panoramic => None,
+        }
+    }
+
     /// As Radiance writes views: type, eye point, direction, up and angles, in scene coordinates.
     pub fn radiance_view(&self) -> String {
         let c = &self.camera;
@@ -61,7 +74,7 @@ impl View {
         let degrees = 180.0 / std::f64::consts::PI;
         let (kind, h, v) = match c.projection {
             Projection::Perspective { fov_y } => {
-                let half = libm::tan(fov_y * 0.5) * self.width / self.height;
+                let half = self.half * self.width / self.height;
                 ("vtv", 2.0 * libm::atan(half) * degrees, fov_y * degrees)
             }
             Projection::Orthographic { height } => ("vtl", height * self.width / self.height, height),

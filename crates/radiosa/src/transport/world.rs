@@ -6,7 +6,7 @@ use super::Surface;
 use crate::accel::{self, Accel, Placed, Shape};
 use crate::emitter::{area::EmissiveSurface, environment::Sky};
 use crate::math::{Affine3A, CpuPath, DAffine3, DVec3, Vec3};
-use crate::scene::{AlphaMode, Geometry, InstanceId, Material, MaterialId, Model, Scene, SceneError};
+use crate::scene::{AlphaMode, Geometry, InstanceId, MaterialId, Scene, SceneError};
 
 /// Meshes placed more than once are copied into world coordinates while the scene stays below this many triangles: one
 /// tree is faster than a tree of trees, and 8 M triangles cost about 1 GB.
@@ -116,9 +116,10 @@ impl World {
                 }
             })
             .collect();
+        let cpu_path = cpu_path.available();
         let accel = Accel::build(geometry, cpu_path);
         let has_masks = scene.materials.iter().any(|m| matches!(m.alpha.mode, AlphaMode::Mask { .. }));
-        let transparent = scene.materials.iter().map(lets_light_through).collect();
+        let transparent = scene.materials.iter().map(|m| m.transmits() || m.alpha.mode != AlphaMode::Opaque).collect();
         let sky = scene.environment.as_ref().map(|e| Sky::new(e, &scene.images));
         let mut world = Self {
             scene,
@@ -200,16 +201,16 @@ impl World {
         id.is_some_and(|id| self.transparent[id.index()])
     }
 
-    pub(super) fn is_mirrored(&self, id: InstanceId) -> bool {
+    pub(crate) fn is_mirrored(&self, id: InstanceId) -> bool {
         self.instances[id.index()].mirrored
     }
 
-    pub(super) fn to_local(&self, id: InstanceId) -> &DAffine3 {
+    pub(crate) fn to_local(&self, id: InstanceId) -> &DAffine3 {
         &self.instances[id.index()].to_local
     }
 
     /// A front normal, of any length, from an instance's to world coordinates.
-    pub(super) fn normal_to_world(&self, id: InstanceId, n: DVec3) -> DVec3 {
+    pub(crate) fn normal_to_world(&self, id: InstanceId, n: DVec3) -> DVec3 {
         self.instances[id.index()].normal * n
     }
 
@@ -232,16 +233,6 @@ impl World {
         let n = a * weights[0] + b * weights[1] + c * weights[2];
         self.normal_to_world(id, n.as_dvec3()).try_normalize().map(|n| n.as_vec3()).filter(|n| n.is_finite())
     }
-}
-
-/// True when part of the light may pass a surface of this material straight.
-fn lets_light_through(material: &Material) -> bool {
-    let transmits = match &material.model {
-        Model::Phong(m) => !m.transmission.is_black(),
-        Model::CookTorrance(_) => false,
-        Model::MetallicRoughness(m) => m.transmission.factor > 0.0,
-    };
-    transmits || material.alpha.mode != AlphaMode::Opaque
 }
 
 /// The middle of the scene, rounded so that subtracting it is exact for most coordinates; zero when the scene is around the origin already.

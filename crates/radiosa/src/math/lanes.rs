@@ -2,15 +2,18 @@
 //!
 //! [`Portable`] is plain arrays: the compiler turns them into whatever the target's baseline has, each operation rounds once,
 //! nothing is ever fused, so the bits are the same on any processor. [`Avx2`] is 256-bit registers with fused multiply–add.
-//! `mul_add` is the only operation whose rounding differs between the two, and kernels use it only where the result is a bound
-//! with slack (the slab test), never where it reaches a hit: both processors give the same hits.
+//! `mul_add` is the only operation whose rounding differs between the two. Ray queries use it only where the result is a bound
+//! with slack (the slab test), never where it reaches a hit: both processors give the same hits. Scan conversion decides in integers.
 
 /// Eight values of f32.
 ///
 /// `min` and `max` return the second operand when the comparison fails, as the SSE instructions do: `x.max(zero)` is never −0 or NaN.
-pub(super) trait Lanes: Copy {
+#[expect(dead_code, reason = "light in lanes is still to come")]
+pub(crate) trait Lanes: Copy {
     /// One truth value a lane.
     type Mask: Copy;
+    /// Eight i32.
+    type Int: Ints<Mask = Self::Mask>;
     fn splat(x: f32) -> Self;
     fn load(row: &[f32; 8]) -> Self;
     fn store(self) -> [f32; 8];
@@ -24,6 +27,15 @@ pub(super) trait Lanes: Copy {
     fn max(self, b: Self) -> Self;
     fn abs(self) -> Self;
     fn neg(self) -> Self;
+    fn sqrt(self) -> Self;
+    /// The nearest whole number, halves to even; within ±2³¹.
+    fn round(self) -> Self::Int;
+    /// As whole floats.
+    fn of_ints(ints: Self::Int) -> Self;
+    /// The bits as they are.
+    fn to_bits(self) -> Self::Int;
+    /// The bits as they are.
+    fn from_bits(bits: Self::Int) -> Self;
     /// The smallest lane; NaN is passed over or not.
     fn least(self) -> f32;
     /// The largest lane; NaN is passed over or not.
@@ -38,6 +50,25 @@ pub(super) trait Lanes: Copy {
     fn bits(mask: Self::Mask) -> u32;
     /// Bit `i` in lane `i`.
     fn mask(bits: u32) -> Self::Mask;
+}
+
+/// Eight values of i32; sums wrap.
+#[expect(dead_code, reason = "light in lanes is still to come")]
+pub(crate) trait Ints: Copy {
+    /// As the floats beside it have it.
+    type Mask: Copy;
+    fn splat(x: i32) -> Self;
+    fn load(row: &[i32; 8]) -> Self;
+    fn store(self) -> [i32; 8];
+    fn add(self, b: Self) -> Self;
+    fn sub(self, b: Self) -> Self;
+    fn and(self, b: Self) -> Self;
+    fn or(self, b: Self) -> Self;
+    fn shift_left<const N: i32>(self) -> Self;
+    fn shift_right<const N: i32>(self) -> Self;
+    /// True where the number is zero or above.
+    fn is_non_negative(self) -> Self::Mask;
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
 }
 
 /// `[f(0), f(1), f(2)]`, written out: `array::from_fn` and closures are functions compiled for the baseline, and whatever of them is not inlined into a
@@ -60,17 +91,42 @@ macro_rules! xyz {
         ]
     };
 }
-pub(super) use xyz;
+pub(crate) use xyz;
+
+/// Defines functions that run a generic kernel compiled for a processor: the first argument says for which, and is checked.
+macro_rules! for_each_cpu {
+    ($($(#[$doc:meta])* $vis:vis fn $name:ident($($arg:ident: $ty:ty),* $(,)?) $(-> $ret:ty)? = $generic:ident;)*) => { $(
+        $(#[$doc])*
+        $vis fn $name(path: crate::math::CpuPath, $($arg: $ty),*) $(-> $ret)? {
+            match path.available() {
+                #[cfg(target_arch = "x86_64")]
+                crate::math::CpuPath::Avx2 => {
+                    #[target_feature(enable = "avx2,fma")]
+                    fn compiled($($arg: $ty),*) $(-> $ret)? {
+                        $generic::<crate::math::lanes::Avx2>($($arg),*)
+                    }
+                    #[expect(unsafe_code, reason = "calling code compiled for more than the baseline")]
+                    // SAFETY: `available` gives this path only on a processor that has both features.
+                    unsafe {
+                        compiled($($arg),*)
+                    }
+                }
+                _ => $generic::<crate::math::lanes::Portable>($($arg),*),
+            }
+        }
+    )* };
+}
+pub(crate) use for_each_cpu;
 
 /// A processor: what its lanes are made of.
-pub(super) trait Cpu {
+pub(crate) trait Cpu {
     type Wide: Lanes;
     /// Asks for four cache lines at a place, which need not be anything.
     fn prefetch(place: *const u8);
 }
 
 /// Any processor.
-pub(super) struct Portable;
+pub(crate) struct Portable;
 
 impl Cpu for Portable {
     type Wide = Plain;
@@ -81,15 +137,69 @@ impl Cpu for Portable {
 /// An array that the compiler may vectorise.
 #[derive(Clone, Copy)]
 #[repr(align(16))]
-pub(super) struct Plain([f32; 8]);
+pub(crate) struct Plain([f32; 8]);
 
 #[inline(always)]
 fn zip<A: Copy, R>(a: [A; 8], b: [A; 8], f: impl Fn(A, A) -> R) -> [R; 8] {
     std::array::from_fn(|i| f(a[i], b[i]))
 }
 
+/// Its integers.
+#[derive(Clone, Copy)]
+#[repr(align(16))]
+pub(crate) struct PlainInts([i32; 8]);
+
+impl Ints for PlainInts {
+    type Mask = [bool; 8];
+    #[inline(always)]
+    fn splat(x: i32) -> Self {
+        Self([x; 8])
+    }
+    #[inline(always)]
+    fn load(row: &[i32; 8]) -> Self {
+        Self(*row)
+    }
+    #[inline(always)]
+    fn store(self) -> [i32; 8] {
+        self.0
+    }
+    #[inline(always)]
+    fn add(self, b: Self) -> Self {
+        Self(zip(self.0, b.0, i32::wrapping_add))
+    }
+    #[inline(always)]
+    fn sub(self, b: Self) -> Self {
+        Self(zip(self.0, b.0, i32::wrapping_sub))
+    }
+    #[inline(always)]
+    fn and(self, b: Self) -> Self {
+        Self(zip(self.0, b.0, |a, b| a & b))
+    }
+    #[inline(always)]
+    fn or(self, b: Self) -> Self {
+        Self(zip(self.0, b.0, |a, b| a | b))
+    }
+    #[inline(always)]
+    fn shift_left<const N: i32>(self) -> Self {
+        Self(self.0.map(|a| a << N))
+    }
+    #[inline(always)]
+    fn shift_right<const N: i32>(self) -> Self {
+        Self(self.0.map(|a| a >> N))
+    }
+    #[inline(always)]
+    fn is_non_negative(self) -> [bool; 8] {
+        self.0.map(|a| a >= 0)
+    }
+    #[inline(always)]
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
+        Self(std::array::from_fn(|i| if mask[i] { yes.0[i] } else { no.0[i] }))
+    }
+}
+
 impl Lanes for Plain {
     type Mask = [bool; 8];
+    type Int = PlainInts;
     #[inline(always)]
     fn splat(x: f32) -> Self {
         Self([x; 8])
@@ -139,6 +249,26 @@ impl Lanes for Plain {
         Self(self.0.map(|a| -a))
     }
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0.map(f32::sqrt))
+    }
+    #[inline(always)]
+    fn round(self) -> PlainInts {
+        PlainInts(self.0.map(|a| a.round_ties_even() as i32))
+    }
+    #[inline(always)]
+    fn of_ints(ints: PlainInts) -> Self {
+        Self(ints.0.map(|a| a as f32))
+    }
+    #[inline(always)]
+    fn to_bits(self) -> PlainInts {
+        PlainInts(self.0.map(|a| a.to_bits() as i32))
+    }
+    #[inline(always)]
+    fn from_bits(bits: PlainInts) -> Self {
+        Self(bits.0.map(|a| f32::from_bits(a as u32)))
+    }
+    #[inline(always)]
     fn least(self) -> f32 {
         self.0.into_iter().fold(f32::INFINITY, f32::min)
     }
@@ -177,23 +307,23 @@ impl Lanes for Plain {
 }
 
 #[cfg(target_arch = "x86_64")]
-pub(super) use avx2::Avx2;
+pub(crate) use avx2::Avx2;
 
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
     #![expect(unsafe_code, reason = "processor intrinsics")]
     // SAFETY, for every block of this module: the intrinsics need AVX2 and FMA. The only code that names these types runs inside
-    // the functions that `accel::dispatch` marks `#[target_feature(enable = "avx2,fma")]`, and those are entered only by an `Accel` whose
-    // `CpuPath` was checked against the running processor when it was built. Loads and stores go through references to arrays of
+    // functions marked `#[target_feature(enable = "avx2,fma")]`: those of `accel::dispatch`, entered only by an `Accel` whose `CpuPath` was
+    // checked against the running processor when it was built, and those of `for_each_cpu!`, which checks it itself. Loads and stores go through references to arrays of
     // exactly the register's size.
     #![expect(clippy::undocumented_unsafe_blocks, reason = "one invariant for all of them, stated above")]
 
     use std::arch::x86_64::*;
 
-    use super::{Cpu, Lanes};
+    use super::{Cpu, Ints, Lanes};
 
     /// 256-bit vectors with fused multiply–add.
-    pub(in super::super) struct Avx2;
+    pub(crate) struct Avx2;
 
     impl Cpu for Avx2 {
         type Wide = F8;
@@ -220,10 +350,64 @@ mod avx2 {
     }
 
     #[derive(Clone, Copy)]
-    pub(in super::super) struct F8(__m256);
+    pub(crate) struct F8(__m256);
+
+    #[derive(Clone, Copy)]
+    pub(crate) struct I8(__m256i);
+
+    impl Ints for I8 {
+        type Mask = __m256;
+        #[inline(always)]
+        fn splat(x: i32) -> Self {
+            unsafe { Self(_mm256_set1_epi32(x)) }
+        }
+        #[inline(always)]
+        fn load(row: &[i32; 8]) -> Self {
+            unsafe { Self(_mm256_loadu_si256(row.as_ptr().cast())) }
+        }
+        #[inline(always)]
+        fn store(self) -> [i32; 8] {
+            let mut out = [0; 8];
+            unsafe { _mm256_storeu_si256(out.as_mut_ptr().cast(), self.0) };
+            out
+        }
+        #[inline(always)]
+        fn add(self, b: Self) -> Self {
+            unsafe { Self(_mm256_add_epi32(self.0, b.0)) }
+        }
+        #[inline(always)]
+        fn sub(self, b: Self) -> Self {
+            unsafe { Self(_mm256_sub_epi32(self.0, b.0)) }
+        }
+        #[inline(always)]
+        fn and(self, b: Self) -> Self {
+            unsafe { Self(_mm256_and_si256(self.0, b.0)) }
+        }
+        #[inline(always)]
+        fn or(self, b: Self) -> Self {
+            unsafe { Self(_mm256_or_si256(self.0, b.0)) }
+        }
+        #[inline(always)]
+        fn shift_left<const N: i32>(self) -> Self {
+            unsafe { Self(_mm256_slli_epi32::<N>(self.0)) }
+        }
+        #[inline(always)]
+        fn shift_right<const N: i32>(self) -> Self {
+            unsafe { Self(_mm256_srai_epi32::<N>(self.0)) }
+        }
+        #[inline(always)]
+        fn is_non_negative(self) -> __m256 {
+            unsafe { _mm256_castsi256_ps(_mm256_cmpgt_epi32(self.0, _mm256_set1_epi32(-1))) }
+        }
+        #[inline(always)]
+        fn select(mask: __m256, yes: Self, no: Self) -> Self {
+            unsafe { Self(_mm256_blendv_epi8(no.0, yes.0, _mm256_castps_si256(mask))) }
+        }
+    }
 
     impl Lanes for F8 {
         type Mask = __m256;
+        type Int = I8;
         #[inline(always)]
         fn splat(x: f32) -> Self {
             unsafe { Self(_mm256_set1_ps(x)) }
@@ -273,6 +457,26 @@ mod avx2 {
         #[inline(always)]
         fn neg(self) -> Self {
             unsafe { Self(_mm256_xor_ps(_mm256_set1_ps(-0.0), self.0)) }
+        }
+        #[inline(always)]
+        fn sqrt(self) -> Self {
+            unsafe { Self(_mm256_sqrt_ps(self.0)) }
+        }
+        #[inline(always)]
+        fn round(self) -> I8 {
+            unsafe { I8(_mm256_cvtps_epi32(self.0)) }
+        }
+        #[inline(always)]
+        fn of_ints(ints: I8) -> Self {
+            unsafe { Self(_mm256_cvtepi32_ps(ints.0)) }
+        }
+        #[inline(always)]
+        fn to_bits(self) -> I8 {
+            unsafe { I8(_mm256_castps_si256(self.0)) }
+        }
+        #[inline(always)]
+        fn from_bits(bits: I8) -> Self {
+            unsafe { Self(_mm256_castsi256_ps(bits.0)) }
         }
         #[inline(always)]
         fn least(self) -> f32 {
