@@ -8,7 +8,6 @@
 /// Eight values of f32.
 ///
 /// `min` and `max` return the second operand when the comparison fails, as the SSE instructions do: `x.max(zero)` is never −0 or NaN.
-#[expect(dead_code, reason = "light in lanes is still to come")]
 pub(crate) trait Lanes: Copy {
     /// One truth value a lane.
     type Mask: Copy;
@@ -53,22 +52,18 @@ pub(crate) trait Lanes: Copy {
 }
 
 /// Eight values of i32; sums wrap.
-#[expect(dead_code, reason = "light in lanes is still to come")]
 pub(crate) trait Ints: Copy {
     /// As the floats beside it have it.
     type Mask: Copy;
     fn splat(x: i32) -> Self;
     fn load(row: &[i32; 8]) -> Self;
-    fn store(self) -> [i32; 8];
     fn add(self, b: Self) -> Self;
     fn sub(self, b: Self) -> Self;
-    fn and(self, b: Self) -> Self;
     fn or(self, b: Self) -> Self;
     fn shift_left<const N: i32>(self) -> Self;
     fn shift_right<const N: i32>(self) -> Self;
     /// True where the number is zero or above.
     fn is_non_negative(self) -> Self::Mask;
-    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
 }
 
 /// `[f(0), f(1), f(2)]`, written out: `array::from_fn` and closures are functions compiled for the baseline, and whatever of them is not inlined into a
@@ -160,20 +155,12 @@ impl Ints for PlainInts {
         Self(*row)
     }
     #[inline(always)]
-    fn store(self) -> [i32; 8] {
-        self.0
-    }
-    #[inline(always)]
     fn add(self, b: Self) -> Self {
         Self(zip(self.0, b.0, i32::wrapping_add))
     }
     #[inline(always)]
     fn sub(self, b: Self) -> Self {
         Self(zip(self.0, b.0, i32::wrapping_sub))
-    }
-    #[inline(always)]
-    fn and(self, b: Self) -> Self {
-        Self(zip(self.0, b.0, |a, b| a & b))
     }
     #[inline(always)]
     fn or(self, b: Self) -> Self {
@@ -190,10 +177,6 @@ impl Ints for PlainInts {
     #[inline(always)]
     fn is_non_negative(self) -> [bool; 8] {
         self.0.map(|a| a >= 0)
-    }
-    #[inline(always)]
-    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
-        Self(std::array::from_fn(|i| if mask[i] { yes.0[i] } else { no.0[i] }))
     }
 }
 
@@ -366,22 +349,12 @@ mod avx2 {
             unsafe { Self(_mm256_loadu_si256(row.as_ptr().cast())) }
         }
         #[inline(always)]
-        fn store(self) -> [i32; 8] {
-            let mut out = [0; 8];
-            unsafe { _mm256_storeu_si256(out.as_mut_ptr().cast(), self.0) };
-            out
-        }
-        #[inline(always)]
         fn add(self, b: Self) -> Self {
             unsafe { Self(_mm256_add_epi32(self.0, b.0)) }
         }
         #[inline(always)]
         fn sub(self, b: Self) -> Self {
             unsafe { Self(_mm256_sub_epi32(self.0, b.0)) }
-        }
-        #[inline(always)]
-        fn and(self, b: Self) -> Self {
-            unsafe { Self(_mm256_and_si256(self.0, b.0)) }
         }
         #[inline(always)]
         fn or(self, b: Self) -> Self {
@@ -398,10 +371,6 @@ mod avx2 {
         #[inline(always)]
         fn is_non_negative(self) -> __m256 {
             unsafe { _mm256_castsi256_ps(_mm256_cmpgt_epi32(self.0, _mm256_set1_epi32(-1))) }
-        }
-        #[inline(always)]
-        fn select(mask: __m256, yes: Self, no: Self) -> Self {
-            unsafe { Self(_mm256_blendv_epi8(no.0, yes.0, _mm256_castps_si256(mask))) }
         }
     }
 

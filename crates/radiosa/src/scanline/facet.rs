@@ -23,8 +23,13 @@ pub(super) struct Facet {
     instance: InstanceId,
     primitive: u32,
     is_exact_shape: bool,
-    pub(super) material: Option<MaterialId>,
+    material: Option<MaterialId>,
+    /// Number of the light at its first vertex, or of its only one, among all that was computed; `None` until then.
+    pub(super) lit_as: Option<u32>,
 }
+
+/// Vertices of a source face whose mean is its middle: enough for every ordinary face, and few enough for odd ones of thousands.
+const MEAN_OF: usize = 16;
 
 impl Facet {
     /// Face number `face` of all; `corner` is the first pixel of the tile, from the middle of the picture.
@@ -48,6 +53,7 @@ impl Facet {
             primitive,
             is_exact_shape: faces.is_exact_shape,
             material: world.scene().material_of(instance, primitive),
+            lit_as: None,
         }
     }
 
@@ -82,6 +88,19 @@ impl Facet {
             local,
             material: self.material,
         }
+    }
+
+    /// Where the one light of a face that is shaded flat is computed: the middle of the face it had in its source.
+    pub(super) fn middle(&self, world: &World) -> Surface {
+        let surface = self.surface(world, [1.0 / 3.0; 3], true);
+        let Geometry::Mesh(mesh) = world.scene().instances[self.instance.index()].geometry else { return surface };
+        let mesh = &world.scene().meshes[mesh.index()];
+        let Some(polygons) = &mesh.polygons else { return surface };
+        let face = polygons.of_triangle[self.primitive as usize] as usize;
+        let vertices = &polygons.vertices[polygons.offsets[face] as usize..polygons.offsets[face + 1] as usize];
+        let (placed, transform) = (vertices.iter().take(MEAN_OF), world.scene().instances[self.instance.index()].transform);
+        let sum: DVec3 = placed.map(|&v| transform.transform_point3(mesh.positions[v as usize]) - world.origin()).sum();
+        Surface { p: (sum / vertices.len().clamp(1, MEAN_OF) as f64).as_vec3(), ..surface }
     }
 
     /// The point of the exact shape that a point of its tessellation stands for, in its own coordinates: textures are mapped by it.

@@ -20,8 +20,7 @@ mod tile;
 use rayon::prelude::*;
 use thiserror::Error;
 
-use crate::film::{Film, FilmError, Filter, FilterSample, Sampling};
-use crate::math::Vec3;
+use crate::film::{Film, FilmError, Filter, FilterSample, Layer, Sampling};
 use crate::raster::{Bins, Grid, Projection, SUBPIXELS};
 use crate::sampling::sequence;
 use crate::scene::Light;
@@ -185,9 +184,10 @@ impl<'a> ScanLine<'a> {
         self.sampling.filter == Filter::Box
     }
 
-    /// Unit, to a viewer at infinity.
-    fn to_viewer(&self) -> Vec3 {
-        -self.view.forward()
+    /// Some layer is not light.
+    fn wants_data(&self) -> bool {
+        let data = [Layer::Albedo, Layer::Normal, Layer::Position, Layer::Depth, Layer::ObjectId];
+        self.sampling.layers.iter().any(|l| data.contains(l))
     }
 }
 
@@ -208,7 +208,7 @@ impl Solver for ScanLine<'_> {
             let this = &*self;
             let tiles: Vec<Film> = (self.next..end)
                 .into_par_iter()
-                .map_init(tile::Scratch::default, |scratch, i| tile::draw(this, world, &grid, bins, i, scratch))
+                .map_init(|| tile::Scratch::new(this, world), |scratch, i| tile::draw(this, world, &grid, bins, i, scratch))
                 .collect();
             for (i, tile) in (self.next..end).zip(tiles) {
                 let (x, y) = grid.corner(i);

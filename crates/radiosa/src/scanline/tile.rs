@@ -8,15 +8,71 @@ use crate::math::Vec3;
 use crate::raster::depth::NOTHING;
 use crate::raster::{Bins, Grid, ItemBuffer, Sample, TILE, Tile, Triangle};
 use crate::spectrum::Spectrum;
-use crate::transport::{LocalLight, World, default_light};
+use crate::transport::{LocalLight, Shading, Surface, Textures, Unshadowed, Viewer, World, default_light};
 
 /// What a thread keeps from tile to tile.
-#[derive(Default)]
-pub(super) struct Scratch {
+pub(super) struct Scratch<'a> {
     buffers: Vec<ItemBuffer>,
     facets: Vec<Option<Box<Facet>>>,
     covered: Vec<Sample>,
     fragments: Vec<Fragment>,
+    /// What is to be lit, and what comes of it.
+    asked: Vec<Asked>,
+    shown: Vec<Shown>,
+    data: Vec<Data>,
+    lit: Unshadowed<'a>,
+    /// Light interpolated over faces.
+    mixed: Vec<LocalLight>,
+    /// For each sample of each pixel, from front to back: indices into `asked`, [`BEHIND`] added where something lies behind; the last may be [`BACKGROUND`].
+    chains: Vec<u32>,
+}
+
+impl<'a> Scratch<'a> {
+    pub(super) fn new(method: &'a ScanLine<'_>, world: &'a World) -> Self {
+        Self {
+            buffers: Vec::new(),
+            facets: Vec::new(),
+            covered: Vec::new(),
+            fragments: Vec::new(),
+            asked: Vec::new(),
+            shown: Vec::new(),
+            data: Vec::new(),
+            lit: Unshadowed::new(world, &method.lights),
+            mixed: Vec::new(),
+            chains: Vec::new(),
+        }
+    }
+}
+
+/// Something lies behind this link of a chain.
+const BEHIND: u32 = 1 << 31;
+/// The last link of a chain that leaves the scene.
+const BACKGROUND: u32 = BEHIND - 1;
+
+/// A face to be lit at a place, pixels from the corner of the tile.
+#[derive(Clone, Copy, Debug)]
+struct Asked {
+    item: u32,
+    x: f32,
+    y: f32,
+}
+
+/// What a lit face shows beside its light.
+#[derive(Clone, Copy, Debug)]
+struct Shown {
+    emission: Spectrum,
+    coverage: f32,
+    glass: Spectrum,
+}
+
+/// What the layers that are not light want of it.
+#[derive(Clone, Copy, Debug)]
+struct Data {
+    albedo: Spectrum,
+    normal: Vec3,
+    position: Vec3,
+    depth: f32,
+    object: u32,
 }
 
 /// A transparent face at a sample.
@@ -28,21 +84,6 @@ struct Fragment {
     item: u32,
 }
 
-/// A face at a pixel, lit.
-#[derive(Clone, Copy)]
-struct Seen {
-    item: u32,
-    light: LocalLight,
-    emission: Spectrum,
-    coverage: f32,
-    glass: Spectrum,
-    albedo: Spectrum,
-    normal: Vec3,
-    position: Vec3,
-    depth: f32,
-    object: u32,
-}
-
 /// A tile being drawn.
 struct Drawing<'a> {
     method: &'a ScanLine<'a>,
@@ -50,40 +91,39 @@ struct Drawing<'a> {
     triangles: Vec<&'a Triangle>,
     /// The first pixel.
     corner: (u32, u32),
+    /// Pixels across and down that are in the picture.
+    size: (u32, u32),
 }
 
 /// Draws tile `index` of a band.
-pub(super) fn draw(method: &ScanLine<'_>, world: &World, grid: &Grid, bins: &Bins, index: usize, scratch: &mut Scratch) -> Film {
+pub(super) fn draw(
+    method: &ScanLine<'_>,
+    world: &World,
+    grid: &Grid,
+    bins: &Bins,
+    index: usize,
+    scratch: &mut Scratch<'_>,
+) -> Film {
     let corner = grid.corner(index);
     let size = ((grid.width - corner.0).min(TILE), (grid.height - corner.1).min(TILE));
     let mut film =
         Film::new(size.0, size.1, &method.sampling.layers).expect("a tile is smaller than the picture, which could be had");
-    let drawing = Drawing { method, world, triangles: bins.of_tile(grid, index).collect(), corner };
+    let drawing = Drawing { method, world, triangles: bins.of_tile(grid, index).collect(), corner, size };
     scratch.facets.clear();
     scratch.facets.resize(drawing.triangles.len(), None);
     let n_pixels = (size.0 * size.1) as usize;
     let mut pixels = vec![Accumulator::new(); if method.samples.len() > 1 { n_pixels } else { 0 }];
     for samples in method.samples.chunks(MAX_SAMPLES as usize) {
         drawing.find_visible(samples, scratch);
-        let mut fragments = scratch.fragments.iter().peekable();
-        for i in 0..TILE * TILE {
-            let (x, y) = (i % TILE, i / TILE);
-            if x >= size.0 || y >= size.1 {
-                while fragments.next_if(|f| u32::from(f.pixel) == i).is_some() {}
-                continue;
+        drawing.ask(samples, scratch);
+        drawing.light(scratch);
+        drawing.composite(samples, scratch, &mut |x, y, pixel, at| {
+            if pixels.is_empty() {
+                film.set_pixel(x, y, pixel);
+            } else {
+                pixels[(y * size.0 + x) as usize].add(pixel, at);
             }
-            let mut here = Vec::new();
-            while let Some(f) = fragments.next_if(|f| u32::from(f.pixel) == i) {
-                here.push(*f);
-            }
-            drawing.pixel(samples, i as usize, &here, &scratch.buffers, &mut scratch.facets, &mut |pixel, at| {
-                if pixels.is_empty() {
-                    film.set_pixel(x, y, pixel);
-                } else {
-                    pixels[(y * size.0 + x) as usize].add(pixel, at);
-                }
-            });
-        }
+        });
     }
     for (i, mean) in pixels.iter().enumerate() {
         film.set_pixel(i as u32 % size.0, i as u32 / size.0, &mean.finish());
@@ -93,8 +133,8 @@ pub(super) fn draw(method: &ScanLine<'_>, world: &World, grid: &Grid, bins: &Bin
 
 impl Drawing<'_> {
     /// Fills one buffer for each sample, and the list of transparent fragments in front, by pixel, sample and depth.
-    fn find_visible(&self, samples: &[FilterSample], scratch: &mut Scratch) {
-        let Scratch { buffers, facets, covered, fragments } = scratch;
+    fn find_visible(&self, samples: &[FilterSample], scratch: &mut Scratch<'_>) {
+        let Scratch { buffers, facets, covered, fragments, .. } = scratch;
         let path = self.world.cpu_path();
         if buffers.len() < samples.len() {
             buffers.resize_with(samples.len(), ItemBuffer::default);
@@ -162,7 +202,7 @@ impl Drawing<'_> {
         });
     }
 
-    fn facet<'f>(&self, facets: &'f mut [Option<Box<Facet>>], item: u32) -> &'f Facet {
+    fn facet<'f>(&self, facets: &'f mut [Option<Box<Facet>>], item: u32) -> &'f mut Facet {
         facets[item as usize].get_or_insert_with(|| {
             let s = &self.method.sampling;
             let corner =
@@ -172,87 +212,181 @@ impl Drawing<'_> {
         })
     }
 
-    /// Hands over what each sample of a pixel sees.
-    fn pixel(
-        &self,
-        samples: &[FilterSample],
-        index: usize,
-        fragments: &[Fragment],
-        buffers: &[ItemBuffer],
-        facets: &mut [Option<Box<Facet>>],
-        out: &mut dyn FnMut(&Pixel, FilterSample),
-    ) {
-        let mut lit: Vec<Seen> = Vec::new();
-        let mut of = |item: u32, sample: usize, lit: &mut Vec<Seen>| -> Seen {
-            let together = self.method.is_multisampled();
-            if together && let Some(seen) = lit.iter().find(|s| s.item == item) {
-                return *seen;
+    /// Lists what must be lit: each face once for each pixel it is seen in, or for each sample where samples do not belong to one pixel.
+    fn ask(&self, samples: &[FilterSample], scratch: &mut Scratch<'_>) {
+        let Scratch { buffers, fragments, asked, chains, .. } = scratch;
+        asked.clear();
+        chains.clear();
+        let together = self.method.is_multisampled() && samples.len() > 1;
+        let mut rest = fragments.as_slice();
+        for i in 0..TILE * TILE {
+            let n = rest.iter().take_while(|f| u32::from(f.pixel) == i).count();
+            let (here, behind) = rest.split_at(n);
+            rest = behind;
+            if i % TILE >= self.size.0 || i / TILE >= self.size.1 {
+                continue;
             }
-            // Lit once for the pixel, in the middle of its samples that show the face, so never outside of it.
-            let (mut x, mut y, mut n) = (0.0, 0.0, 0.0);
-            for (i, at) in samples.iter().enumerate() {
-                let shows = || {
-                    buffers[i].items()[index] == item || fragments.iter().any(|f| usize::from(f.sample) == i && f.item == item)
-                };
-                if if together { shows() } else { i == sample } {
-                    let p = place(index as u32, at);
-                    (x, y, n) = (x + p.0, y + p.1, n + 1.0);
+            let first = asked.len();
+            let shows = |sample: usize, item: u32| {
+                buffers[sample].items()[i as usize] == item
+                    || here.iter().any(|f| usize::from(f.sample) == sample && f.item == item)
+            };
+            let mut link = |item: u32, sample: usize| -> u32 {
+                if together && let Some(k) = asked[first..].iter().position(|a| a.item == item) {
+                    return (first + k) as u32;
                 }
-            }
-            let seen = self.light(self.facet(facets, item), item, x / n, y / n);
-            lit.push(seen);
-            seen
-        };
-        for (i, at) in samples.iter().enumerate() {
-            let mut composite = Composite::default();
-            for f in fragments.iter().filter(|f| usize::from(f.sample) == i) {
-                composite.add(&of(f.item, i, &mut lit));
-            }
-            match buffers[i].items()[index] {
-                NOTHING => {
-                    let (x, y) = place(index as u32, at);
-                    let (x, y) = (f64::from(self.corner.0) + f64::from(x), f64::from(self.corner.1) + f64::from(y));
-                    let dir = self.method.view.ray(x, y).dir;
-                    composite.background(if self.method.has_backdrop {
-                        default_light::backdrop(dir)
-                    } else {
-                        self.world.background(dir, fragments.is_empty())
-                    });
+                let (mut x, mut y) = place(i, &samples[sample]);
+                if together {
+                    // In the middle of its samples that show the face, so never outside of it.
+                    let all = || (0..samples.len()).filter(|&s| shows(s, item)).map(|s| place(i, &samples[s]));
+                    let n = all().count() as f32;
+                    (x, y) = all().fold((0.0, 0.0), |sum, p| (sum.0 + p.0 / n, sum.1 + p.1 / n));
                 }
-                item => composite.add(&of(item, i, &mut lit)),
+                asked.push(Asked { item, x, y });
+                asked.len() as u32 - 1
+            };
+            for (s, buffer) in buffers[..samples.len()].iter().enumerate() {
+                for f in here.iter().filter(|f| usize::from(f.sample) == s) {
+                    chains.push(link(f.item, s) | BEHIND);
+                }
+                chains.push(match buffer.items()[i as usize] {
+                    NOTHING => BACKGROUND,
+                    item => link(item, s),
+                });
             }
-            out(&composite.finish(), *at);
         }
     }
 
-    /// The light of a face at a place of the tile.
-    fn light(&self, facet: &Facet, item: u32, x: f32, y: f32) -> Seen {
-        let world = self.world;
-        let surface = facet.surface(world, facet.at(x, y), self.method.interpolation == Interpolation::Flat);
-        let projection = &self.method.projection;
-        let from_eye = surface.p.as_dvec3() - projection.eye();
-        let wo = if projection.is_perspective() { -from_eye.normalize_or_zero() } else { -projection.forward() }.as_vec3();
-        let mut shading = world.shading(&surface, wo);
-        let glass = shading.straight_transmission();
-        if self.method.viewer == crate::transport::Viewer::Infinite {
-            shading.wo = self.method.to_viewer();
+    /// The light of everything on the list.
+    fn light(&self, scratch: &mut Scratch<'_>) {
+        scratch.lit.clear();
+        scratch.shown.clear();
+        scratch.data.clear();
+        scratch.mixed.clear();
+        let wants_data = self.method.wants_data();
+        let (interpolation, world) = (self.method.interpolation, self.world);
+        let Scratch { facets, asked, shown, data, lit, mixed, .. } = scratch;
+        if interpolation != Interpolation::Phong {
+            for a in asked.iter() {
+                let facet = self.facet(facets, a.item);
+                if facet.lit_as.is_none() {
+                    facet.lit_as = Some(lit.n_points());
+                    if interpolation == Interpolation::Flat {
+                        self.push(lit, &facet.middle(world), Textures::Ignored);
+                    } else {
+                        for corner in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
+                            self.push(lit, &facet.surface(world, corner, false), Textures::Ignored);
+                        }
+                    }
+                }
+            }
         }
-        let light = self.method.lights.at(world, &surface, &shading, false, &mut 0);
-        let (position, normal, metres) = world.to_file(surface.p, shading.n);
-        let travelled = if projection.is_perspective() { from_eye.length() } else { from_eye.dot(projection.forward()) };
-        Seen {
-            item,
-            light,
-            emission: shading.emission + shading.bsdf.unlit().unwrap_or(Spectrum::BLACK),
-            coverage: shading.coverage,
-            glass,
-            albedo: shading.bsdf.albedo(),
-            normal,
-            position,
-            depth: travelled as f32 / metres,
-            object: surface.instance.0,
+        let corners = if interpolation == Interpolation::Phong { &[] } else { lit.finish() };
+        let mut points = Vec::new();
+        for a in asked.iter() {
+            let facet = self.facet(facets, a.item);
+            let weights = facet.at(a.x, a.y);
+            let surface = facet.surface(world, weights, interpolation == Interpolation::Flat);
+            if let Some(first) = facet.lit_as {
+                let first = first as usize;
+                let light =
+                    if interpolation == Interpolation::Flat { corners[first] } else { mix(&corners[first..first + 3], weights) };
+                let (diffuse, specular) = world.texture_of_light(&surface);
+                mixed.push(LocalLight {
+                    ambient: light.ambient * diffuse,
+                    diffuse: light.diffuse * diffuse,
+                    specular: light.specular * specular,
+                });
+            }
+            points.push(surface);
+        }
+        for surface in &points {
+            let (shading, glass) = self.shading(surface, Textures::Sampled);
+            if interpolation == Interpolation::Phong {
+                lit.push(surface, &shading);
+            }
+            shown.push(Shown {
+                emission: shading.emission + shading.bsdf.unlit().unwrap_or(Spectrum::BLACK),
+                coverage: shading.coverage,
+                glass,
+            });
+            if wants_data {
+                data.push(self.data(surface, &shading));
+            }
         }
     }
+
+    /// A surface as the eye sees it, with what passes straight through it.
+    fn shading(&self, surface: &Surface, textures: Textures) -> (Shading, Spectrum) {
+        let projection = &self.method.projection;
+        let forward = projection.forward().as_vec3();
+        let to_eye = projection.eye().as_vec3() - surface.p;
+        let wo = if projection.is_perspective() { to_eye.try_normalize().unwrap_or(-forward) } else { -forward };
+        let mut shading = self.world.shading_with(surface, wo, textures);
+        let glass = shading.straight_transmission();
+        if self.method.viewer == Viewer::Infinite {
+            shading.wo = -forward;
+        }
+        (shading, glass)
+    }
+
+    fn push(&self, lit: &mut Unshadowed<'_>, surface: &Surface, textures: Textures) {
+        lit.push(surface, &self.shading(surface, textures).0);
+    }
+
+    fn data(&self, surface: &Surface, shading: &Shading) -> Data {
+        let projection = &self.method.projection;
+        let (position, normal, metres) = self.world.to_file(surface.p, shading.n);
+        let from_eye = surface.p - projection.eye().as_vec3();
+        let along = projection.forward().as_vec3();
+        let travelled = if projection.is_perspective() { from_eye.length() } else { from_eye.dot(along) };
+        Data { albedo: shading.bsdf.albedo(), normal, position, depth: travelled / metres, object: surface.instance.0 }
+    }
+
+    /// Hands over what each sample of each pixel sees.
+    fn composite(
+        &self,
+        samples: &[FilterSample],
+        scratch: &mut Scratch<'_>,
+        out: &mut dyn FnMut(u32, u32, &Pixel, FilterSample),
+    ) {
+        let Scratch { shown, data, lit, mixed, chains, .. } = scratch;
+        let light = if self.method.interpolation == Interpolation::Phong { lit.finish() } else { mixed };
+        let mut links = chains.iter().copied();
+        for y in 0..self.size.1 {
+            for x in 0..self.size.0 {
+                for at in samples {
+                    let mut composite = Composite::default();
+                    let mut is_first = true;
+                    for link in links.by_ref() {
+                        if link == BACKGROUND {
+                            composite.background(self.background(x, y, at, is_first));
+                        } else {
+                            let i = (link & !BEHIND) as usize;
+                            composite.add(&light[i], &shown[i], data.get(i));
+                        }
+                        is_first = false;
+                        if link & BEHIND == 0 {
+                            break;
+                        }
+                    }
+                    out(x, y, &composite.finish(), *at);
+                }
+            }
+        }
+    }
+
+    fn background(&self, x: u32, y: u32, at: &FilterSample, is_first: bool) -> Spectrum {
+        let (dx, dy) = (0.5 + f64::from(at.offset.x), 0.5 + f64::from(at.offset.y));
+        let dir = self.method.view.ray(f64::from(self.corner.0 + x) + dx, f64::from(self.corner.1 + y) + dy).dir;
+        if self.method.has_backdrop { default_light::backdrop(dir) } else { self.world.background(dir, is_first) }
+    }
+}
+
+/// The light at three vertices, interpolated.
+fn mix(corners: &[LocalLight], weights: [f32; 3]) -> LocalLight {
+    let sum = |f: fn(&LocalLight) -> Spectrum| corners.iter().zip(weights).map(|(light, w)| f(light) * w).sum();
+    LocalLight { ambient: sum(|l| l.ambient), diffuse: sum(|l| l.diffuse), specular: sum(|l| l.specular) }
 }
 
 /// Where a sample of a pixel lies, pixels from the corner of the tile.
@@ -286,15 +420,14 @@ impl Default for Composite {
 }
 
 impl Composite {
-    fn add(&mut self, seen: &Seen) {
+    fn add(&mut self, light: &LocalLight, seen: &Shown, data: Option<&Data>) {
         let pixel = &mut self.pixel;
-        if pixel.object.is_none() && seen.coverage > 0.0 {
-            (pixel.albedo, pixel.normal, pixel.position) = (seen.albedo, seen.normal, seen.position);
-            (pixel.depth, pixel.object) = (seen.depth, Some(seen.object));
+        if let (Some(data), None, true) = (data, pixel.object, seen.coverage > 0.0) {
+            (pixel.albedo, pixel.normal, pixel.position) = (data.albedo, data.normal, data.position);
+            (pixel.depth, pixel.object) = (data.depth, Some(data.object));
         }
         let weight = self.open * seen.coverage;
-        let (ambient, diffuse, specular) =
-            (weight * seen.light.ambient, weight * seen.light.diffuse, weight * seen.light.specular);
+        let (ambient, diffuse, specular) = (weight * light.ambient, weight * light.diffuse, weight * light.specular);
         let emission = weight * seen.emission;
         if self.through_glass {
             pixel.refraction += ambient + diffuse + specular + emission;

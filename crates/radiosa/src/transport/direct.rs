@@ -91,6 +91,16 @@ impl Lights {
         self.n_points
     }
 
+    /// Prepared, in the order of the scene.
+    pub(super) fn emitters(&self) -> &[Emitter] {
+        &self.emitters
+    }
+
+    /// `I_a` of the scene and of every light.
+    pub(super) fn ambient(&self) -> Spectrum {
+        self.ambient
+    }
+
     /// What a person should know about how the lights were prepared.
     pub fn note(&self) -> Option<String> {
         let (n, wanted) = (self.n_points, self.n_wanted);

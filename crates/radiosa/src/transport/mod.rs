@@ -9,13 +9,15 @@ mod integrator;
 mod shading;
 mod solver;
 mod surface;
+mod unshadowed;
 mod view;
 mod world;
 
 pub use direct::{Emitters, LightSettings, Lights, LocalLight, Viewer};
 pub use integrator::Integrator;
-pub use shading::Shading;
+pub use shading::{Shading, Textures};
 pub use solver::{Solver, Step};
 pub use surface::Surface;
+pub use unshadowed::Unshadowed;
 pub use view::View;
 pub use world::World;

@@ -6,7 +6,9 @@ use crate::bsdf::fresnel;
 use crate::bsdf::texture;
 use crate::bsdf::{Bsdf, Lookup};
 use crate::math::{Frame, Ray, Vec2, Vec3, Vec4};
-use crate::scene::{AlphaMode, ColorMap, Geometry, InstanceId, NormalMap, ScalarMap, TextureId, TextureRef, TextureSource};
+use crate::scene::{
+    AlphaMode, ColorMap, Geometry, InstanceId, Model, NormalMap, ScalarMap, TextureId, TextureRef, TextureSource,
+};
 use crate::spectrum::Spectrum;
 
 /// Height of white over black in a height map, in sides of the picture, at scale 1.
@@ -45,6 +47,16 @@ struct At<'a> {
     world: &'a World,
     surface: &'a Surface,
     vertex_color: Vec4,
+    textures: Textures,
+}
+
+/// Whether textures are looked up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Textures {
+    /// As the material has them.
+    Sampled,
+    /// Every coefficient is its factor, and the normal is the surface's own: light at vertices, before textures are laid over it.
+    Ignored,
 }
 
 impl At<'_> {
@@ -55,14 +67,15 @@ impl At<'_> {
 
 impl Lookup for At<'_> {
     fn color(&self, map: &ColorMap) -> Spectrum {
-        map.texture.as_ref().map_or(map.factor, |t| {
+        map.texture.as_ref().filter(|_| self.textures == Textures::Sampled).map_or(map.factor, |t| {
             let [r, g, b, _] = self.texel(t);
             map.factor * Spectrum::new(r, g, b)
         })
     }
 
     fn scalar(&self, map: &ScalarMap) -> f32 {
-        map.texture.as_ref().map_or(map.factor, |t| map.factor * self.texel(t)[usize::from(map.channel & 3)])
+        let texture = map.texture.as_ref().filter(|_| self.textures == Textures::Sampled);
+        texture.map_or(map.factor, |t| map.factor * self.texel(t)[usize::from(map.channel & 3)])
     }
 
     fn vertex_color(&self) -> Spectrum {
@@ -73,11 +86,16 @@ impl Lookup for At<'_> {
 impl World {
     /// Everything about a surface seen along `wo` (unit, to the viewer).
     pub fn shading(&self, surface: &Surface, wo: Vec3) -> Shading {
+        self.shading_with(surface, wo, Textures::Sampled)
+    }
+
+    /// The same, with textures or without.
+    pub fn shading_with(&self, surface: &Surface, wo: Vec3, textures: Textures) -> Shading {
         let material = self.material_at(surface);
-        let at = At { world: self, surface, vertex_color: surface.vertex_color(self) };
+        let at = At { world: self, surface, vertex_color: surface.vertex_color(self), textures };
         let front = surface.is_front(wo);
         let mut n = surface.n;
-        if let Some(map) = &material.normal_map {
+        if let Some(map) = material.normal_map.as_ref().filter(|_| textures == Textures::Sampled) {
             n = self.mapped_normal(surface, map, n);
         }
         if !front {
@@ -87,6 +105,24 @@ impl World {
         // What a mask cuts away was never hit.
         let coverage = if material.alpha.mode == AlphaMode::Blend { self.opacity(surface) } else { 1.0 };
         Shading { n, wo, bsdf: Bsdf::resolve(material, &at), emission, coverage }
+    }
+
+    /// The texture of the diffuse or base colour alone, and that of highlights: what light that was computed without textures is multiplied by.
+    pub fn texture_of_light(&self, surface: &Surface) -> (Spectrum, Spectrum) {
+        let of = |map: &ColorMap| {
+            map.texture.as_ref().map_or(Spectrum::WHITE, |t| {
+                let [r, g, b, _] = texture::sample(self.scene(), t, surface.uv(self, t.uv_set));
+                Spectrum::new(r, g, b)
+            })
+        };
+        match &self.material_at(surface).model {
+            Model::Phong(m) => (of(&m.diffuse), of(&m.specular)),
+            Model::CookTorrance(m) => (of(&m.diffuse), of(&m.specular)),
+            Model::MetallicRoughness(m) => {
+                let base = of(&m.base_color);
+                (base, Spectrum::WHITE.lerp(base, m.metallic.factor))
+            }
+        }
     }
 
     /// The nearest surface on a ray that a mask does not cut away.
@@ -169,7 +205,7 @@ impl World {
     pub(crate) fn opacity(&self, surface: &Surface) -> f32 {
         let alpha = &self.material_at(surface).alpha;
         let value = || {
-            let at = At { world: self, surface, vertex_color: surface.vertex_color(self) };
+            let at = At { world: self, surface, vertex_color: surface.vertex_color(self), textures: Textures::Sampled };
             at.scalar(&alpha.value) * at.vertex_color.w
         };
         match alpha.mode {
@@ -181,7 +217,7 @@ impl World {
 
     /// The emitted radiance at a point of the surface, on the side that emits.
     pub(crate) fn emission_at(&self, surface: &Surface) -> Spectrum {
-        let at = At { world: self, surface, vertex_color: Vec4::ONE };
+        let at = At { world: self, surface, vertex_color: Vec4::ONE, textures: Textures::Sampled };
         at.color(&self.material_at(surface).emission)
     }
 
