@@ -33,8 +33,7 @@ pub struct PointSample {
 
 impl PointSample {
     /// Gives nothing.
-    pub const DARK: Self =
-        Self { position: Vec3::ZERO, normal: Vec3::Y, radiance: Spectrum::BLACK, area: 0.0, two_sided: false };
+    pub const DARK: Self = Self { position: Vec3::ZERO, normal: Vec3::Y, radiance: Spectrum::BLACK, area: 0.0, two_sided: false };
 
     /// What arrives at `p`; nothing behind a one-sided piece, in its plane, or on the very point.
     pub fn incident(&self, p: Vec3) -> Option<Incident> {

@@ -197,8 +197,7 @@ impl Sink for Arriving {
 
     fn surface(&mut self, weight: Spectrum, light: &Leaving) {
         self.straight += weight * light.emission;
-        self.once +=
-            weight * (light.local.diffuse + light.local.specular + light.reflected.straight + light.refracted.straight);
+        self.once += weight * (light.local.diffuse + light.local.specular + light.reflected.straight + light.refracted.straight);
         let twice = |a: &Arriving| a.once + a.more;
         self.more += weight * (light.local.ambient + twice(&light.reflected) + twice(&light.refracted));
     }
@@ -263,12 +262,8 @@ impl Tracer<'_> {
             let mut through = media.current().map(|medium| medium.absorption);
             if let Some(t) = transmission.filter(|t| !t.thin) {
                 let material = surface.material.map_or(u32::MAX, |m| m.0);
-                let body = Medium {
-                    body: (surface.instance.0, material),
-                    ior: t.ior,
-                    absorption: t.absorption,
-                    priority: t.priority,
-                };
+                let body =
+                    Medium { body: (surface.instance.0, material), ior: t.ior, absorption: t.absorption, priority: t.priority };
                 let boundary = media.meet(body, entering);
                 through = boundary.began_in.map(|medium| medium.absorption).or(through);
                 if let Some(absorption) = through {
@@ -396,7 +391,15 @@ impl Tracer<'_> {
     }
 
     /// What the next ray brings; nothing when too little of it would be seen.
-    fn beyond(&mut self, surface: &Surface, dir: Vec3, media: &Media, reach: Reach, weight: Spectrum, is_gloss: bool) -> Arriving {
+    fn beyond(
+        &mut self,
+        surface: &Surface,
+        dir: Vec3,
+        media: &Media,
+        reach: Reach,
+        weight: Spectrum,
+        is_gloss: bool,
+    ) -> Arriving {
         let mut arriving = Arriving::default();
         let weight = reach.weight * weight.max_channel();
         // Not `<`: what is no number ends here, too.
