@@ -6,11 +6,11 @@ use radiosa::film::{Decomposition, Film, Filter, Layer, Pixel};
 use radiosa::import::sample;
 use radiosa::math::{CpuPath, DAffine3, DVec3, Ray, Vec3, Vec4};
 use radiosa::raytrace::whitted::{DEPTH_LIMIT, Fresnel, Settings};
-use radiosa::raytrace::{Whitted, tiles};
+use radiosa::raytrace::{Whitted, adaptive, tiles};
 use radiosa::sampling::Stream;
 use radiosa::scene::{
-    ColorMap, CookTorrance, Geometry, Instance, Material, MaterialId, Mesh, MeshId, MetallicRoughness, Model, Phong, ScalarMap,
-    Scene,
+    ColorMap, CookTorrance, Geometry, Instance, Lens, Material, MaterialId, Mesh, MeshId, MetallicRoughness, Model, Phong,
+    ScalarMap, Scene,
 };
 use radiosa::spectrum::Spectrum;
 use radiosa::transport::{Integrator, Solver, Step, View, World, default_light, framing};
@@ -330,6 +330,25 @@ fn a_corridor_of_mirrors_fades_by_their_reflectance_up_to_the_depth_limit() {
 }
 
 #[test]
+fn a_mirror_of_illum_5_rises_to_white_at_grazing_angles() {
+    let seen = |schlick: bool, theta: f64| {
+        let mut scene = Scene::new("mirror");
+        scene.background = Spectrum::WHITE;
+        let diffuse = ColorMap::constant(Spectrum::BLACK);
+        let mirror = Phong { diffuse, mirror: Spectrum::new(0.04, 0.5, 1.0), schlick, ..Phong::default() };
+        add(&mut scene, slab(-1.0, 0.0), model(mirror));
+        pixel(scene, &exact(), DVec3::Z * 0.1, down(theta)).reflection
+    };
+    for theta in [0.0f64, 0.7, 1.4] {
+        let expected = |k: f64| k + (1.0 - k) * (1.0 - theta.cos()).powi(5);
+        for (value, k) in seen(true, theta).to_array().into_iter().zip([0.04, 0.5, 1.0]) {
+            assert!((f64::from(value) - expected(k)).abs() < 1e-5, "{value} at {theta}");
+        }
+        assert_eq!(seen(false, theta), Spectrum::new(0.04, 0.5, 1.0), "a constant is constant");
+    }
+}
+
+#[test]
 fn the_weight_limit_does_not_change_an_eight_bit_picture() {
     for name in ["whitted", "room"] {
         let with = |min_weight| render(built_in(name), &Settings { min_weight, max_depth: 20, ..Settings::default() }, 1);
@@ -487,6 +506,76 @@ fn both_decompositions_sum_to_the_picture_in_every_built_in_scene() {
                 assert!(error < 1e-5, "{} by {kind:?}: {error}", scene.name);
             }
         }
+    }
+}
+
+fn render_adaptively(scene: Scene, threshold: f32, max_level: u32) -> (Film, u64) {
+    let world = World::prepare(scene, CpuPath::detect()).expect("the scene is valid");
+    let view = View::new(&world.scene().cameras[0], world.origin(), SIZE, SIZE);
+    let method = Whitted::new(&world, &Settings::default(), view.forward());
+    let layers = Layer::ALL.to_vec();
+    let settings = adaptive::Settings { width: SIZE, height: SIZE, threshold, white: 1.0, max_level, seed: 7, layers };
+    let mut render = adaptive::AdaptiveRender::new(&method, &view, settings).expect("the film is small");
+    while let Step::Working { .. } = render.step(&world) {}
+    let n_rays = render.n_rays();
+    (render.into_film(), n_rays)
+}
+
+fn rms(a: &Film, b: &Film) -> f32 {
+    let (sum, n) = differences(a, b).fold((0.0, 0.0), |(sum, n), d| (sum + d * d, n + 1.0));
+    f32::sqrt(sum / n)
+}
+
+#[test]
+fn adaptive_samples_smooth_the_edges_and_leave_the_sky_alone() {
+    let reference = render(built_in("whitted"), &Settings::default(), 256);
+    let (film, n_rays) = render_adaptively(built_in("whitted"), 0.05, 3);
+    let (coarse, n_coarse) = render_adaptively(built_in("whitted"), 2.0, 0);
+    // Within what 256 samples a pixel show, at a fraction of their rays; without subdivision the edges are ragged.
+    assert!(rms(&film, &reference) < 0.02, "{}", rms(&film, &reference));
+    assert!(rms(&coarse, &reference) > 2.0 * rms(&film, &reference), "{}", rms(&coarse, &reference));
+    assert!(n_rays < 32 * n_coarse, "{n_rays} rays, {n_coarse} without");
+
+    let mut empty = Scene::new("sky");
+    empty.background = Spectrum::gray(0.5);
+    empty.cameras = built_in("whitted").cameras;
+    let (sky, n) = render_adaptively(empty, 0.05, 3);
+    assert!(n <= 2 * u64::from(SIZE * SIZE), "{n} rays for a plain sky");
+    assert!(sky.plane("R").expect("it has colour").iter().all(|v| (v - 0.5).abs() < 1e-6));
+}
+
+#[test]
+fn adaptive_pictures_have_the_same_bits_at_any_thread_count_and_layers_that_sum() {
+    let with = |n| with_threads(n, || render_adaptively(built_in("whitted"), 0.05, 2).0);
+    let film = with(1);
+    assert_same_bits(&film, &with(3));
+    for kind in [Decomposition::Lobe, Decomposition::Path] {
+        assert!(film.decomposition_error(kind).expect("all layers are kept") < 1e-5);
+    }
+}
+
+#[test]
+fn a_lens_is_sharp_at_its_focal_distance_and_blurs_in_proportion_elsewhere() {
+    let mut camera = built_in("whitted").cameras.remove(0);
+    camera.lens = Some(Lens { aperture: 0.2, focus_distance: 4.0 });
+    let view = View::new(&camera, DVec3::ZERO, 64, 48);
+    // Where the rays of one picture point cross a plane at some depth: how far apart, at most.
+    let spread = |depth: f64| {
+        let mut stream = Stream::new(3, 1, 4);
+        let points: Vec<DVec3> = (0..500)
+            .map(|_| {
+                let ray = view.sample_ray(10.0, 30.0, &mut stream);
+                let (o, d) = (ray.origin.as_dvec3() - camera.position, ray.dir.as_dvec3());
+                o + d * ((depth - o.dot(camera.forward())) / d.dot(camera.forward()))
+            })
+            .collect();
+        points.iter().map(|p| (*p - points[0]).length()).fold(0.0, f64::max)
+    };
+    assert!(spread(4.0) < 1e-5, "{}", spread(4.0));
+    // Similar triangles: diameter A |z − f|/f; the largest distance from one point is between its half and the whole.
+    for depth in [2.0, 8.0, 12.0] {
+        let blur = 0.2 * (depth - 4.0f64).abs() / 4.0;
+        assert!((0.5 * blur..1.001 * blur).contains(&spread(depth)), "{depth}: {} of {blur}", spread(depth));
     }
 }
 

@@ -201,7 +201,7 @@ impl Bsdf {
     pub fn specular_rays(&self, n: Vec3, wo: Vec3, entering: bool) -> SpecularRays {
         match self {
             Self::Unlit(_) | Self::CookTorrance(_) => SpecularRays::default(),
-            Self::Phong(m) => dielectric::specular_rays(m.mirror, m.fresnel, m.transmission, n, wo, entering),
+            Self::Phong(m) => dielectric::specular_rays(m.mirror_at(n.dot(wo)), m.fresnel, m.transmission, n, wo, entering),
             Self::MetallicRoughness(m) => m.specular_rays(n, wo, entering),
         }
     }
@@ -226,6 +226,7 @@ impl Bsdf {
                 Some(t) => is_weighed.then_some(t.ior),
                 None => m.fresnel.filter(|_| is_weighed),
             };
+            m.schlick &= is_weighed;
         }
         self
     }
