@@ -18,6 +18,9 @@ use crate::math::Vec3;
 use crate::scene::{self, Distribution, Shadowing};
 use crate::spectrum::Spectrum;
 
+/// The α from which on the reflections of a dielectric's coat are left to its highlight: glTF roughness 0.32.
+pub const BROAD_COAT: f32 = 0.1;
+
 /// Coefficients at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MetallicRoughness {

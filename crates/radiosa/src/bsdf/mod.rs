@@ -231,12 +231,34 @@ impl Bsdf {
         self
     }
 
-    /// True when it has a rough mirror lobe, which [`Self::sample_gloss`] samples.
+    /// The same with lobes at least as rough as `alpha`: what a rough mirror shows of a sharp highlight is not sharp, and a few rays
+    /// drawn from the rough one would find the sharp one by luck only.
+    pub fn at_least_as_rough(mut self, alpha: f32) -> Self {
+        match &mut self {
+            Self::Unlit(_) | Self::Phong(_) => {}
+            Self::CookTorrance(m) => m.alpha = m.alpha.max(alpha),
+            Self::MetallicRoughness(m) if m.is_smooth() => {}
+            Self::MetallicRoughness(m) => m.alpha = m.alpha.max(alpha),
+        }
+        self
+    }
+
+    /// Roughness α of the lobe that [`Self::sample_gloss`] samples; 0 without one.
+    pub fn roughness(&self) -> f32 {
+        match self {
+            Self::Unlit(_) | Self::Phong(_) => 0.0,
+            Self::CookTorrance(m) => m.alpha,
+            Self::MetallicRoughness(m) => m.alpha,
+        }
+    }
+
+    /// True when it has a rough mirror lobe worth following, which [`Self::sample_gloss`] samples. The coat of a dielectric rougher than
+    /// [`metallic_roughness::BROAD_COAT`] is none: it is four percent of a blur, whose part from light sources the highlight shows.
     pub fn is_glossy(&self) -> bool {
         match self {
             Self::Unlit(_) | Self::Phong(_) => false,
             Self::CookTorrance(m) => !m.specular.is_black(),
-            Self::MetallicRoughness(m) => !m.is_smooth(),
+            Self::MetallicRoughness(m) => !m.is_smooth() && (m.metallic > 0.0 || m.alpha < metallic_roughness::BROAD_COAT),
         }
     }
 

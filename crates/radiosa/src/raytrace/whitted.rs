@@ -214,13 +214,13 @@ struct Reach {
     depth: u32,
     /// The largest part of what it brings that can reach the picture.
     weight: f32,
-    /// It samples a rough lobe whose highlight shows the light sources already.
-    is_gloss: bool,
+    /// Above 0 it samples a lobe of that roughness, whose highlight shows the light sources already.
+    roughness: f32,
 }
 
 impl Reach {
     const fn of_the_eye() -> Self {
-        Self { depth: 0, weight: 1.0, is_gloss: false }
+        Self { depth: 0, weight: 1.0, roughness: 0.0 }
     }
 }
 
@@ -304,7 +304,7 @@ impl Tracer<'_> {
     fn behind(&self, dir: Vec3, reach: Reach, first: bool) -> Spectrum {
         let from_eye = reach.depth == 0 && first;
         let lit_by_sky = self.method.settings.lights.environment_shadows == EnvironmentShadows::On && self.world.sky().is_some();
-        if reach.is_gloss && lit_by_sky {
+        if reach.roughness > 0.0 && lit_by_sky {
             return Spectrum::BLACK;
         }
         eye::behind(self.world, dir, self.method.has_backdrop, from_eye)
@@ -322,6 +322,9 @@ impl Tracer<'_> {
     ) -> Leaving {
         let settings = &self.method.settings;
         let wo = shading.wo;
+        if reach.roughness > 0.0 {
+            shading.bsdf = shading.bsdf.at_least_as_rough(reach.roughness);
+        }
         if settings.viewer == Viewer::Infinite {
             shading.wo = self.method.to_viewer;
         }
@@ -329,7 +332,7 @@ impl Tracer<'_> {
         let random = (n_points, &mut *self.stream);
         let local = self.method.lights.at_random(self.world, surface, shading, settings.shadows, random, self.n_rays);
         let shown = shading.bsdf.unlit().unwrap_or(Spectrum::BLACK);
-        let is_counted = reach.is_gloss && settings.lights.emitters != Emitters::Ignore;
+        let is_counted = reach.roughness > 0.0 && settings.lights.emitters != Emitters::Ignore;
         let emission = if is_counted { shown } else { shading.emission + shown };
         let mut light = Leaving { local, emission, reflected: Arriving::default(), refracted: Arriving::default() };
         if !shading.emission.is_black() || reach.depth >= settings.max_depth {
@@ -358,10 +361,10 @@ impl Tracer<'_> {
         light: &mut Leaving,
     ) {
         if let Some((dir, k_r)) = rays.reflected {
-            light.reflected.add(k_r, self.beyond(surface, kept_above(dir, ng), this_side, reach, k_r, false));
+            light.reflected.add(k_r, self.beyond(surface, kept_above(dir, ng), this_side, reach, k_r, 0.0));
         }
         if let Some((dir, k_t)) = rays.refracted {
-            light.refracted.add(k_t, self.beyond(surface, kept_above(dir, -ng), other_side, reach, k_t, false));
+            light.refracted.add(k_t, self.beyond(surface, kept_above(dir, -ng), other_side, reach, k_t, 0.0));
         }
     }
 
@@ -385,7 +388,7 @@ impl Tracer<'_> {
             if dir.dot(ng) <= 0.0 {
                 continue;
             }
-            let arriving = self.beyond(surface, dir, media, reach, weight, true);
+            let arriving = self.beyond(surface, dir, media, reach, weight, bsdf.roughness());
             light.reflected.add(weight / n_samples as f32, arriving);
         }
     }
@@ -398,13 +401,13 @@ impl Tracer<'_> {
         media: &Media,
         reach: Reach,
         weight: Spectrum,
-        is_gloss: bool,
+        roughness: f32,
     ) -> Arriving {
         let mut arriving = Arriving::default();
         let weight = reach.weight * weight.max_channel();
         // Not `<`: what is no number ends here, too.
         if weight > 0.0 && weight >= self.method.settings.min_weight && self.n_surfaces < MAX_SURFACES {
-            let reach = Reach { depth: reach.depth + 1, weight, is_gloss };
+            let reach = Reach { depth: reach.depth + 1, weight, roughness };
             self.follow(&surface.ray(dir), media, reach, &mut arriving);
         }
         arriving
