@@ -289,7 +289,7 @@ impl Tracer<'_> {
                 sink.surface(weight, &light);
             }
             uncovered *= 1.0 - shading.coverage;
-            open = open * (1.0 - shading.coverage);
+            open *= 1.0 - shading.coverage;
             if open.max_channel() * reach.weight < NEGLIGIBLE || self.n_surfaces >= MAX_SURFACES {
                 return uncovered * f32::from(u8::from(uncovered >= NEGLIGIBLE));
             }
