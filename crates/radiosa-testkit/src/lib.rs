@@ -3,6 +3,7 @@
 
 pub mod brdf;
 pub mod image;
+pub mod optics;
 
 use std::path::{Path, PathBuf};
 

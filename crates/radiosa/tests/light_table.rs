@@ -9,8 +9,8 @@ use radiosa::bsdf::{Bsdf, FactorsOnly};
 use radiosa::emitter::environment::Sky;
 use radiosa::emitter::{Emitter, EnvironmentShadows, area};
 use radiosa::film::{Filter, Layer};
-use radiosa::math::{CpuPath, DAffine3, DMat3, DQuat, DVec3};
-use radiosa::raytrace::{RayCast, ray_cast, tiles};
+use radiosa::math::{CpuPath, DAffine3, DMat3, DQuat, DVec3, Vec3};
+use radiosa::raytrace::{Integrator, RayCast, Whitted, ray_cast, tiles, whitted};
 use radiosa::scene::{
     Attenuation, Camera, ColorMap, Cone, CookTorrance, Directional, Distribution, Environment, EnvironmentRadiance, Form,
     Fresnel, Geometry, Instance, InstanceId, Light, LightKind, Material, MaterialId, Mesh, MeshId, MetallicRoughness, Model,
@@ -588,10 +588,25 @@ fn by_hand(case: &Case) -> Option<Rgb> {
 
 /// Ray casting, through the world, the camera, the tiles and the film.
 fn by_ray_casting(case: &Case, shadows: bool) -> Rgb {
+    one_pixel(case, |world, forward| {
+        let lights = case.settings();
+        let settings = ray_cast::Settings { shadows, lights, viewer: Viewer::Local, extra_lights: Vec::new() };
+        RayCast::new(world, &settings, forward)
+    })
+}
+
+/// Whitted's method, likewise. What rough lobes reflect beside light sources is another matter than the table's, and left out by the depth.
+fn by_whitted(case: &Case) -> Rgb {
+    one_pixel(case, |world, forward| {
+        let settings = whitted::Settings { lights: case.settings(), max_depth: 0, ..whitted::Settings::default() };
+        Whitted::new(world, &settings, forward)
+    })
+}
+
+fn one_pixel<I: Integrator>(case: &Case, method: impl FnOnce(&World, Vec3) -> I) -> Rgb {
     let world = World::prepare(case.scene.clone(), CpuPath::detect()).expect("a valid scene");
     let view = View::new(&world.scene().cameras[0], world.origin(), 1, 1);
-    let settings = ray_cast::Settings { shadows, lights: case.settings(), viewer: Viewer::Local, extra_lights: Vec::new() };
-    let integrator = RayCast::new(&world, &settings, view.forward());
+    let integrator = method(&world, view.forward());
     let picture = tiles::Settings { width: 1, height: 1, spp: 1, filter: Filter::Box, seed: 0, layers: vec![Layer::Color] };
     let mut render = tiles::TiledRender::new(&integrator, &view, picture).expect("a film of one pixel");
     while render.step(&world) != Step::Converged {}
@@ -600,9 +615,10 @@ fn by_ray_casting(case: &Case, shadows: bool) -> Rgb {
 
 /// The methods that the table holds for: each gives the pixel, or `None` where it does not apply.
 type Method = fn(&Case) -> Option<Rgb>;
-const METHODS: [(&str, Method); 5] = [
+const METHODS: [(&str, Method); 6] = [
     ("emitters and lobes", by_hand),
     ("ray casting", |case| Some(by_ray_casting(case, true))),
+    ("Whitted", |case| Some(by_whitted(case))),
     ("ray casting from behind", |case| {
         // Reflection works on both sides: what is seen and lit from behind looks the same.
         let mut case = case.copy();

@@ -324,12 +324,13 @@ fn illumination_models_mean_what_the_format_says() {
         (5, ks, ks, Spectrum::BLACK, false, false),
         (6, ks, ks, through, false, false),
         (7, ks, ks, whole, true, false),
-        (8, ks, ks, Spectrum::BLACK, false, false),
-        (9, ks, ks, through, false, true),
+        (8, ks, Spectrum::BLACK, Spectrum::BLACK, false, false),
+        (9, ks, Spectrum::BLACK, through, false, true),
     ] {
         let p = phong(&format!("{base}illum {illum}\n"));
         assert_eq!((p.specular.factor, p.mirror, p.transmission), (specular, mirror, transmission), "illum {illum}");
         assert_eq!((p.fresnel, p.thin), (fresnel, thin), "illum {illum}");
+        assert_eq!(p.schlick, illum == 5, "illum {illum}");
     }
     assert!(material("newmtl m\nKd 1 0 0\nillum 0\n", &[]).0.unlit);
     assert_eq!(phong("Ks 0.5 0.5 0.5\n").specular.factor, Spectrum::gray(0.5), "without illum a highlight counts");

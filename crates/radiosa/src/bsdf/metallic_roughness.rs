@@ -18,6 +18,9 @@ use crate::math::Vec3;
 use crate::scene::{self, Distribution, Shadowing};
 use crate::spectrum::Spectrum;
 
+/// The α from which on the reflections of a dielectric's coat are left to its highlight: glTF roughness 0.32.
+pub const BROAD_COAT: f32 = 0.1;
+
 /// Coefficients at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MetallicRoughness {
@@ -135,6 +138,8 @@ impl MetallicRoughness {
         } else {
             fresnel::schlick(cos_o, self.f0) * self.specular
         };
+        // Into something thinner there is a critical angle from outside, too.
+        let coat = if !from_inside && self.ior < 1.0 { Spectrum::gray(fresnel::dielectric(cos_o, self.ior)) } else { coat };
         let mut rays = SpecularRays::default();
         if self.is_smooth() || from_inside {
             let weight = coat * (1.0 - self.metallic) + fresnel::schlick(cos_o, self.base_color) * self.metallic;
@@ -146,5 +151,12 @@ impl MetallicRoughness {
             rays.refracted = direction.map(|d| (d, t.weight * (1.0 - coat.max_channel())));
         }
         rays
+    }
+
+    /// Puts a medium of index `surroundings` where vacuum was outside.
+    pub(super) fn surround(&mut self, surroundings: f32) {
+        let (alone, relative) = (fresnel::f0_of_ior(self.ior), fresnel::f0_of_ior(self.ior / surroundings));
+        self.ior /= surroundings;
+        self.f0 = if alone > 0.0 { self.f0 * (relative / alone) } else { Spectrum::gray(relative) }.map(|f0| f0.min(1.0));
     }
 }

@@ -7,7 +7,7 @@
 
 use std::f32::consts::{FRAC_1_PI, PI};
 
-use crate::math::{Vec3, function};
+use crate::math::{Vec2, Vec3, function};
 use crate::scene::{Distribution, Shadowing};
 
 /// The smallest roughness that is evaluated as a lobe: below it the highlight is a hundredth of a degree wide and single
@@ -80,6 +80,20 @@ pub fn lambda(distribution: Distribution, alpha: f32, cos: f32) -> f32 {
 /// Smith's masking of one direction, `1/(1 + Λ)`.
 pub fn g1(distribution: Distribution, alpha: f32, cos: f32) -> f32 {
     1.0 / (1.0 + lambda(distribution, alpha, cos))
+}
+
+/// A facet normal around +z, by `D(h)(n·h)`, from two uniform numbers: `tan² = α² u/(1 − u)` for GGX, `−α² ln(1 − u)` for Beckmann. [Walter07]
+pub fn sample_d(distribution: Distribution, alpha: f32, u: Vec2) -> Vec3 {
+    let tan2 = alpha
+        * alpha
+        * match distribution {
+            Distribution::Ggx => u.x / (1.0 - u.x),
+            Distribution::Beckmann => -function::ln(1.0 - u.x),
+        };
+    let cos = 1.0 / (1.0 + tan2).sqrt();
+    let sin = tan2.sqrt() * cos;
+    let phi = 2.0 * PI * u.y;
+    Vec3::new(sin * function::cos(phi), sin * function::sin(phi), cos)
 }
 
 /// `G/((n·l)(n·v))`: shadowing and masking together with the cosines they tame, finite wherever the quotient is.

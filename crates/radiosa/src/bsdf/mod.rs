@@ -24,8 +24,8 @@ pub mod mirror;
 pub mod phong;
 pub mod texture;
 
-use crate::math::Vec3;
-use crate::scene::{ColorMap, Material, Model, ScalarMap};
+use crate::math::{Frame, Vec2, Vec3};
+use crate::scene::{ColorMap, Distribution, Material, Model, ScalarMap};
 use crate::spectrum::Spectrum;
 
 pub use dielectric::{SpecularRays, Transmission};
@@ -201,8 +201,81 @@ impl Bsdf {
     pub fn specular_rays(&self, n: Vec3, wo: Vec3, entering: bool) -> SpecularRays {
         match self {
             Self::Unlit(_) | Self::CookTorrance(_) => SpecularRays::default(),
-            Self::Phong(m) => dielectric::specular_rays(m.mirror, m.fresnel, m.transmission, n, wo, entering),
+            Self::Phong(m) => dielectric::specular_rays(m.mirror_at(n.dot(wo)), m.fresnel, m.transmission, n, wo, entering),
             Self::MetallicRoughness(m) => m.specular_rays(n, wo, entering),
         }
+    }
+
+    /// The same surface with a medium of index `surroundings` instead of vacuum outside.
+    pub fn within(mut self, surroundings: f32) -> Self {
+        match &mut self {
+            Self::Unlit(_) | Self::CookTorrance(_) => {}
+            Self::Phong(m) => {
+                m.transmission.iter_mut().for_each(|t| t.ior /= surroundings);
+                m.fresnel.iter_mut().for_each(|ior| *ior /= surroundings);
+            }
+            Self::MetallicRoughness(m) => m.surround(surroundings),
+        }
+        self
+    }
+
+    /// Weighs the constants `k_r`, `k_t` of something transparent by Fresnel's equations, or not. Metallic–roughness has no constants.
+    pub fn with_fresnel(mut self, is_weighed: bool) -> Self {
+        if let Self::Phong(m) = &mut self {
+            m.fresnel = match m.transmission {
+                Some(t) => is_weighed.then_some(t.ior),
+                None => m.fresnel.filter(|_| is_weighed),
+            };
+            m.schlick &= is_weighed;
+        }
+        self
+    }
+
+    /// The same with lobes at least as rough as `alpha`: what a rough mirror shows of a sharp highlight is not sharp, and a few rays
+    /// drawn from the rough one would find the sharp one by luck only.
+    pub fn at_least_as_rough(mut self, alpha: f32) -> Self {
+        match &mut self {
+            Self::Unlit(_) | Self::Phong(_) => {}
+            Self::CookTorrance(m) => m.alpha = m.alpha.max(alpha),
+            Self::MetallicRoughness(m) if m.is_smooth() => {}
+            Self::MetallicRoughness(m) => m.alpha = m.alpha.max(alpha),
+        }
+        self
+    }
+
+    /// Roughness α of the lobe that [`Self::sample_gloss`] samples; 0 without one.
+    pub fn roughness(&self) -> f32 {
+        match self {
+            Self::Unlit(_) | Self::Phong(_) => 0.0,
+            Self::CookTorrance(m) => m.alpha,
+            Self::MetallicRoughness(m) => m.alpha,
+        }
+    }
+
+    /// True when it has a rough mirror lobe worth following, which [`Self::sample_gloss`] samples. The coat of a dielectric rougher than
+    /// [`metallic_roughness::BROAD_COAT`] is none: it is four percent of a blur, whose part from light sources the highlight shows.
+    pub fn is_glossy(&self) -> bool {
+        match self {
+            Self::Unlit(_) | Self::Phong(_) => false,
+            Self::CookTorrance(m) => !m.specular.is_black(),
+            Self::MetallicRoughness(m) => !m.is_smooth() && (m.metallic > 0.0 || m.alpha < metallic_roughness::BROAD_COAT),
+        }
+    }
+
+    /// A direction drawn from the rough mirror lobe by two uniform numbers, and the weight `f (n·wi)/pdf` of what arrives from there; `None`
+    /// where it would leave through the surface. The classic highlights of Phong's model are none: they show light sources only.
+    pub fn sample_gloss(&self, n: Vec3, wo: Vec3, u: Vec2) -> Option<(Vec3, Spectrum)> {
+        let (distribution, alpha) = match self {
+            Self::Unlit(_) | Self::Phong(_) => return None,
+            Self::CookTorrance(m) => (m.distribution, m.alpha),
+            Self::MetallicRoughness(m) => (Distribution::Ggx, m.alpha),
+        };
+        let h = Frame::from_normal(n).to_world(microfacet::sample_d(distribution, alpha, u));
+        let wi = mirror::reflect(wo, h);
+        let angles = microfacet::Angles::new(n, wo, wi)?;
+        // Facets are drawn by D (n·h), directions by that over 4 (v·h).
+        let pdf = microfacet::d(distribution, alpha, &angles) * angles.n_h / (4.0 * angles.v_h);
+        let weight = self.evaluate_cos(n, wo, wi).specular / pdf;
+        (pdf > 0.0 && weight.is_finite()).then_some((wi, weight))
     }
 }

@@ -8,7 +8,7 @@
 
 use std::f32::consts::{FRAC_1_PI, PI};
 
-use super::{Lobes, Lookup, Transmission, lambert, mirror};
+use super::{Lobes, Lookup, Transmission, fresnel, lambert, mirror};
 use crate::math::{Vec3, function};
 use crate::scene::{self, PhongLobe};
 use crate::spectrum::Spectrum;
@@ -32,6 +32,8 @@ pub struct Phong {
     pub transmission: Option<Transmission>,
     /// Fresnel weighs `k_r` and `k_t` (index in `transmission`, 1.5 for an opaque mirror coat).
     pub fresnel: Option<f32>,
+    /// Without transmission, `k_r` rises to 1 at grazing angles by Schlick's approximation.
+    pub schlick: bool,
 }
 
 impl Default for Phong {
@@ -46,6 +48,7 @@ impl Default for Phong {
             mirror: Spectrum::BLACK,
             transmission: None,
             fresnel: None,
+            schlick: false,
         }
     }
 }
@@ -69,6 +72,16 @@ impl Phong {
                 priority: m.priority,
             }),
             fresnel: m.fresnel.then_some(m.ior),
+            schlick: m.schlick,
+        }
+    }
+
+    /// `k_r` before Fresnel's equations, seen under `cos_o`; what reflects nothing head-on is no mirror at grazing angles either.
+    pub(super) fn mirror_at(&self, cos_o: f32) -> Spectrum {
+        if self.schlick && self.transmission.is_none() && !self.mirror.is_black() {
+            fresnel::schlick(cos_o, self.mirror)
+        } else {
+            self.mirror
         }
     }
 

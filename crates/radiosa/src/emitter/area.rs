@@ -32,6 +32,9 @@ pub struct PointSample {
 }
 
 impl PointSample {
+    /// Gives nothing.
+    pub const DARK: Self = Self { position: Vec3::ZERO, normal: Vec3::Y, radiance: Spectrum::BLACK, area: 0.0, two_sided: false };
+
     /// What arrives at `p`; nothing behind a one-sided piece, in its plane, or on the very point.
     pub fn incident(&self, p: Vec3) -> Option<Incident> {
         let to_light = self.position - p;
@@ -281,7 +284,7 @@ impl EmissiveShape {
 }
 
 /// Carries normals, their length growing as areas do; the front stays the front under mirrors.
-fn normal_map(m: &Affine3A) -> DMat3 {
+pub(super) fn normal_map(m: &Affine3A) -> DMat3 {
     let m = DMat3::from_cols(m.matrix3.x_axis.as_dvec3(), m.matrix3.y_axis.as_dvec3(), m.matrix3.z_axis.as_dvec3());
     let cofactor = DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
     if m.determinant() < 0.0 { cofactor * -1.0 } else { cofactor }

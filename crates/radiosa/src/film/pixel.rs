@@ -116,6 +116,15 @@ impl Pixel {
         values
     }
 
+    /// The weighted sum of samples, their weights summing to 1: of everything that is averaged; position, depth and object stay empty.
+    pub(crate) fn blend<'a>(samples: impl IntoIterator<Item = (&'a Self, f64)>) -> Self {
+        let mut sum = [0.0; N_MEANS];
+        for (sample, weight) in samples {
+            sum.iter_mut().zip(sample.means()).for_each(|(sum, v)| *sum += weight * f64::from(v));
+        }
+        Self::from_means(&sum.map(|v| v as f32))
+    }
+
     fn from_means(values: &[f32; N_MEANS]) -> Self {
         let s = |i: usize| Spectrum::new(values[3 * i], values[3 * i + 1], values[3 * i + 2]);
         Self {

@@ -4,17 +4,13 @@
 //! interreflected: mirrors show only their highlights. A surface that is partly transparent, by alpha or by transmission, lets the
 //! same straight ray go on behind it, and shadow rays likewise; nothing is bent.
 
+use super::eye::{self, BEHIND_MAX, NEGLIGIBLE};
 use crate::film::Pixel;
 use crate::math::{Ray, Vec3};
 use crate::sampling::Stream;
 use crate::scene::Light;
 use crate::spectrum::Spectrum;
 use crate::transport::{Integrator, LightSettings, Lights, Viewer, World, default_light};
-
-/// A ray is followed behind transparent surfaces until this is left of it: less no longer changes an 8-bit picture.
-const NEGLIGIBLE: f32 = 1.0 / 1024.0;
-/// Transparent surfaces a ray passes at most; a pile of this many hides the rest.
-const MAX_LAYERS: u32 = 256;
 
 /// What ray casting can be asked for.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,12 +69,10 @@ impl Integrator for RayCast {
         // What still comes through, and how much of that came through glass rather than through holes.
         let mut open = Spectrum::WHITE;
         let mut through_glass = false;
-        for layer in 0..MAX_LAYERS {
+        for layer in 0..BEHIND_MAX {
             *n_rays += 1;
             let Some((hit, surface)) = world.closest_visible(&ray) else {
-                let behind =
-                    if self.has_backdrop { default_light::backdrop(ray.dir) } else { world.background(ray.dir, layer == 0) };
-                let seen = open * behind;
+                let seen = open * eye::behind(world, ray.dir, self.has_backdrop, layer == 0);
                 if through_glass {
                     pixel.refraction += seen;
                     pixel.direct += seen;
@@ -91,14 +85,7 @@ impl Integrator for RayCast {
             let wo = -ray.dir;
             let mut shading = world.shading(&surface, wo);
             travelled += hit.t;
-            if pixel.object.is_none() && shading.coverage > 0.0 {
-                let (position, normal, metres) = world.to_file(surface.p, shading.n);
-                pixel.albedo = shading.bsdf.albedo();
-                pixel.normal = normal;
-                pixel.position = position;
-                pixel.depth = travelled / metres;
-                pixel.object = Some(surface.instance.0);
-            }
+            eye::record(&mut pixel, world, &surface, &shading, travelled);
             let glass = shading.straight_transmission();
             if self.viewer == Viewer::Infinite {
                 shading.wo = self.to_viewer;

@@ -1,5 +1,7 @@
 //! From an [`Integrator`] to a picture, tile by tile.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 pub use crate::film::Sampling as Settings;
@@ -25,9 +27,7 @@ pub struct TiledRender<'a, I> {
     integrator: &'a I,
     view: &'a View,
     settings: Settings,
-    film: Film,
-    next: usize,
-    n_rays: u64,
+    progress: TileLoop,
 }
 
 impl<'a, I: Integrator> TiledRender<'a, I> {
@@ -37,45 +37,17 @@ impl<'a, I: Integrator> TiledRender<'a, I> {
     /// When the film cannot be had.
     pub fn new(integrator: &'a I, view: &'a View, settings: Settings) -> Result<Self, FilmError> {
         let film = Film::new(settings.width, settings.height, &settings.layers)?;
-        Ok(Self { integrator, view, settings, film, next: 0, n_rays: 0 })
+        Ok(Self { integrator, view, progress: TileLoop::new(film, granularity(settings.spp)), settings })
     }
 
     /// Rays traced so far, of every kind.
     pub fn n_rays(&self) -> u64 {
-        self.n_rays
+        self.progress.n_rays
     }
 
     /// The picture as it is.
     pub fn into_film(self) -> Film {
-        self.film
-    }
-
-    fn n_tiles(&self) -> usize {
-        let (side, _) = granularity(self.settings.spp);
-        self.settings.width.div_ceil(side) as usize * self.settings.height.div_ceil(side) as usize
-    }
-
-    /// The pixels of a tile, row by row, and the rays they took.
-    fn tile(&self, world: &World, x0: u32, y0: u32) -> (Vec<Pixel>, u64) {
-        let s = &self.settings;
-        let (side, _) = granularity(s.spp);
-        let mut n_rays = 0;
-        let mut pixels = Vec::with_capacity((side * side) as usize);
-        for y in y0..(y0 + side).min(s.height) {
-            for x in x0..(x0 + side).min(s.width) {
-                let pixel = y * s.width + x;
-                let mut mean = Accumulator::new();
-                for sample in 0..s.spp {
-                    // The same pattern in every pixel: edges of very bright things come out even instead of dotted.
-                    let at = s.filter.sample(sequence::pixel_sample(s.seed, 0, sample, s.spp));
-                    let (px, py) = (f64::from(x) + 0.5 + f64::from(at.offset.x), f64::from(y) + 0.5 + f64::from(at.offset.y));
-                    let mut stream = Stream::new(s.seed, u64::from(pixel), u64::from(sample));
-                    mean.add(&self.integrator.sample(world, &self.view.ray(px, py), &mut stream, &mut n_rays), at);
-                }
-                pixels.push(mean.finish());
-            }
-        }
-        (pixels, n_rays)
+        self.progress.film
     }
 }
 
@@ -83,34 +55,76 @@ impl<I: Integrator> Solver for TiledRender<'_, I> {
     type Solution = Film;
 
     fn step(&mut self, world: &World) -> Step {
-        let (side, _) = granularity(self.settings.spp);
-        let columns = self.settings.width.div_ceil(side) as usize;
-        let corner = |tile: usize| ((tile % columns) as u32 * side, (tile / columns) as u32 * side);
-        let end = (self.next + granularity(self.settings.spp).1).min(self.n_tiles());
-        let this = &*self;
+        let (s, integrator, view) = (&self.settings, self.integrator, self.view);
+        self.progress.step(&|x, y, n_rays| {
+            let pixel = y * s.width + x;
+            let mut mean = Accumulator::new();
+            for sample in 0..s.spp {
+                // The same pattern in every pixel: edges of very bright things come out even instead of dotted.
+                let at = s.filter.sample(sequence::pixel_sample(s.seed, 0, sample, s.spp));
+                let (px, py) = (f64::from(x) + 0.5 + f64::from(at.offset.x), f64::from(y) + 0.5 + f64::from(at.offset.y));
+                let mut stream = Stream::new(s.seed, u64::from(pixel), u64::from(sample));
+                let ray = view.sample_ray(px, py, &mut stream);
+                mean.add(&integrator.sample(world, &ray, &mut stream, n_rays), at);
+            }
+            mean.finish()
+        })
+    }
+
+    fn solution(&self) -> &Film {
+        &self.progress.film
+    }
+}
+
+/// A film filled tile by tile, some tiles a step.
+pub(super) struct TileLoop {
+    pub(super) film: Film,
+    pub(super) n_rays: u64,
+    next: usize,
+    side: u32,
+    a_step: usize,
+}
+
+impl TileLoop {
+    /// With tiles of `side` pixels, `a_step` of them in a step.
+    pub(super) fn new(film: Film, (side, a_step): (u32, usize)) -> Self {
+        Self { film, n_rays: 0, next: 0, side, a_step }
+    }
+
+    /// Fills the next tiles with what `pixel` gives for (x, y); it adds to the last argument the rays it took.
+    pub(super) fn step(&mut self, pixel: &(impl Fn(u32, u32, &mut u64) -> Pixel + Sync)) -> Step {
+        self.step_tiles(&|columns, rows, n_rays| {
+            let mut pixels = Vec::with_capacity(columns.len() * rows.len());
+            for y in rows {
+                pixels.extend(columns.clone().map(|x| pixel(x, y, n_rays)));
+            }
+            pixels
+        })
+    }
+
+    /// The same with whole tiles at once: `tile` gives the pixels of its columns and rows, row by row.
+    pub(super) fn step_tiles(&mut self, tile: &(impl Fn(Range<u32>, Range<u32>, &mut u64) -> Vec<Pixel> + Sync)) -> Step {
+        let (side, width, height) = (self.side, self.film.width(), self.film.height());
+        let across = width.div_ceil(side) as usize;
+        let n_tiles = across * height.div_ceil(side) as usize;
+        let range = |i: usize, end: u32| i as u32 * side..(i as u32 * side).saturating_add(side).min(end);
+        let end = (self.next + self.a_step).min(n_tiles);
         let tiles: Vec<_> = (self.next..end)
             .into_par_iter()
-            .map(|tile| {
-                let (x0, y0) = corner(tile);
-                this.tile(world, x0, y0)
+            .map(|i| {
+                let mut n_rays = 0;
+                (tile(range(i % across, width), range(i / across, height), &mut n_rays), n_rays)
             })
             .collect();
-        for (tile, (pixels, n_rays)) in (self.next..end).zip(tiles) {
-            let (x0, y0) = corner(tile);
-            let across = side.min(self.settings.width - x0);
-            for (i, pixel) in pixels.iter().enumerate() {
-                self.film.set_pixel(x0 + i as u32 % across, y0 + i as u32 / across, pixel);
+        for (i, (pixels, n_rays)) in (self.next..end).zip(tiles) {
+            let (columns, rows) = (range(i % across, width), range(i / across, height));
+            let places = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
+            for ((x, y), pixel) in places.zip(&pixels) {
+                self.film.set_pixel(x, y, pixel);
             }
             self.n_rays += n_rays;
         }
         self.next = end;
-        match self.n_tiles() {
-            n if end == n => Step::Converged,
-            n => Step::Working { done: end as f64 / n as f64 },
-        }
-    }
-
-    fn solution(&self) -> &Film {
-        &self.film
+        if end == n_tiles { Step::Converged } else { Step::Working { done: end as f64 / n_tiles as f64 } }
     }
 }

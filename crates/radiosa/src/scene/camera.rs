@@ -15,6 +15,17 @@ pub struct Camera {
     pub projection: Projection,
     /// Width over height the source wants; the picture's own when `None`.
     pub aspect: Option<f64>,
+    /// The lens of a perspective camera; a pinhole when `None`.
+    pub lens: Option<Lens>,
+}
+
+/// A thin lens: what is not in focus blurs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    /// Diameter of the opening, metres, above zero.
+    pub aperture: f64,
+    /// From the eye point to the plane in focus along the direction it looks in, metres, above zero.
+    pub focus_distance: f64,
 }
 
 /// The projections.
@@ -43,7 +54,14 @@ impl Camera {
             .try_normalize()
             .or_else(|| DVec3::Y.cross(back).try_normalize())
             .unwrap_or_else(|| DVec3::Z.cross(back).try_normalize().unwrap_or(DVec3::X));
-        Self { name: name.into(), position, basis: DMat3::from_cols(right, back.cross(right), back), projection, aspect: None }
+        Self {
+            name: name.into(),
+            position,
+            basis: DMat3::from_cols(right, back.cross(right), back),
+            projection,
+            aspect: None,
+            lens: None,
+        }
     }
 
     /// The direction it looks in.

@@ -122,6 +122,8 @@ pub struct Phong {
     pub ior: f32,
     /// Weighs `k_r` and `k_t` by Fresnel instead of using them as constants.
     pub fresnel: bool,
+    /// An opaque mirror reflects `k_r + (1 − k_r)(1 − cosθ)⁵` (MTL `illum 5`); a black one nothing.
+    pub schlick: bool,
     /// Absorption inside (Beer), 1/m.
     pub absorption: Spectrum,
     /// Refraction does not bend (a sheet of glass).
@@ -294,6 +296,7 @@ impl Default for Phong {
             transmission: Spectrum::BLACK,
             ior: 1.5,
             fresnel: false,
+            schlick: false,
             absorption: Spectrum::BLACK,
             thin: false,
             priority: 0,

@@ -10,7 +10,7 @@ mod mesh;
 mod texture;
 mod validate;
 
-pub use camera::{Camera, Projection};
+pub use camera::{Camera, Lens, Projection};
 pub use light::{Attenuation, Cone, Directional, Environment, EnvironmentRadiance, Light, LightKind, PhotometricUnit};
 pub use material::{
     Alpha, AlphaMode, ColorMap, CookTorrance, Distribution, Form, Fresnel, Material, Metal, MetallicRoughness, Model, NormalMap,
@@ -186,6 +186,10 @@ impl Scene {
             camera.basis = rotation * camera.basis;
             if let Projection::Orthographic { height } = &mut camera.projection {
                 *height *= scale;
+            }
+            if let Some(lens) = &mut camera.lens {
+                lens.aperture *= scale;
+                lens.focus_distance *= scale;
             }
         }
         let stretch = |a: &mut Attenuation, range: &mut f64| {

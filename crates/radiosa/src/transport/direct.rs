@@ -2,12 +2,18 @@
 //! radiosity's displayed direct part share.
 
 use super::{Shading, Surface, World};
-use crate::emitter::{Emitter, EnvironmentShadows, Incident, area};
+use crate::emitter::area::{self, PointSample};
+use crate::emitter::random::PointSampler;
+use crate::emitter::{Emitter, EnvironmentShadows, Incident};
 use crate::math::rounding::gamma;
 use crate::math::{Ray, Vec3};
 use crate::radiometry::lambertian_radiance;
+use crate::sampling::Stream;
 use crate::scene::Light;
 use crate::spectrum::Spectrum;
+
+/// Random points on emissive surfaces held at once.
+const POINTS_AT_ONCE: usize = 32;
 
 /// Whether emissive surfaces light others in the local methods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,6 +61,10 @@ pub struct Lights {
     ambient: Spectrum,
     n_points: usize,
     n_wanted: usize,
+    /// Transparent things cast shadows like opaque ones.
+    full_shadows: bool,
+    /// Draws points on emissive surfaces, instead of the fixed ones.
+    random_points: Option<PointSampler>,
 }
 
 /// What the lights do at a point.
@@ -83,7 +93,23 @@ impl Lights {
             emitters.push(Emitter::Area(points));
         }
         let ambient = scene.ambient + emitters.iter().map(Emitter::ambient).sum();
-        Self { emitters, ambient, n_points, n_wanted }
+        Self { emitters, ambient, n_points, n_wanted, full_shadows: false, random_points: None }
+    }
+
+    /// Transparent things cast full shadows, as in Whitted's paper; holes of masks and of coverage stay holes.
+    pub fn with_full_shadows(mut self) -> Self {
+        self.full_shadows = true;
+        self
+    }
+
+    /// Emissive surfaces light others from random points instead of fixed ones ([`Self::at_random`]), unless they light nothing.
+    pub fn with_random_points(mut self, world: &World) -> Self {
+        if self.n_points > 0 {
+            self.emitters.retain(|emitter| !matches!(emitter, Emitter::Area(_)));
+            self.random_points = Some(PointSampler::new(world.emissive()));
+            self.n_points = 0;
+        }
+        self
     }
 
     /// Point sources the emissive surfaces became.
@@ -112,8 +138,50 @@ impl Lights {
 
     /// What every light does at a surface; `n_rays` grows by the shadow rays traced (none when `shadows` is off).
     pub fn at(&self, world: &World, surface: &Surface, shading: &Shading, shadows: bool, n_rays: &mut u64) -> LocalLight {
+        self.gather(world, surface, shading, shadows, (&self.emitters, &[]), n_rays)
+    }
+
+    /// The same with `n` points drawn on the emissive surfaces, when [`Self::with_random_points`] asks for that.
+    pub fn at_random(
+        &self,
+        world: &World,
+        surface: &Surface,
+        shading: &Shading,
+        shadows: bool,
+        (n, stream): (u32, &mut Stream),
+        n_rays: &mut u64,
+    ) -> LocalLight {
+        let Some(sampler) = &self.random_points else { return self.at(world, surface, shading, shadows, n_rays) };
+        // A few at a time, so that nothing is allocated.
+        let mut light = LocalLight::default();
+        let key = u64::from(stream.next_u32()) << 32 | u64::from(stream.next_u32());
+        let mut points = [PointSample::DARK; POINTS_AT_ONCE];
+        for first in (0..n).step_by(POINTS_AT_ONCE) {
+            let here = (n - first).min(POINTS_AT_ONCE as u32);
+            for (i, point) in points.iter_mut().take(here as usize).enumerate() {
+                *point = sampler.point(first + i as u32, n, key);
+            }
+            let emitters = if first == 0 { &self.emitters[..] } else { &[] };
+            let part = self.gather(world, surface, shading, shadows, (emitters, &points[..here as usize]), n_rays);
+            light.diffuse += part.diffuse;
+            light.specular += part.specular;
+            light.ambient = part.ambient;
+        }
+        light
+    }
+
+    /// What some emitters and points do, and the ambient light of all.
+    fn gather(
+        &self,
+        world: &World,
+        surface: &Surface,
+        shading: &Shading,
+        shadows: bool,
+        (emitters, points): (&[Emitter], &[PointSample]),
+        n_rays: &mut u64,
+    ) -> LocalLight {
         let mut light = LocalLight { ambient: shading.bsdf.ambient() * self.ambient, ..LocalLight::default() };
-        let mut batch = Batch::new();
+        let mut batch = Batch::new(!self.full_shadows);
         let start = if shadows { world.shadow_origin(surface, shading.n) } else { *surface };
         // Where shadow rays leave to either side: the same for every light.
         let (above, below) = (start.ray(start.ng).origin, start.ray(-start.ng).origin);
@@ -125,28 +193,32 @@ impl Lights {
             let error = gamma(16) * (target.abs().max_element() + origin.abs().max_element());
             Ray { origin, dir, t_max: 1.0 - (error / dir.abs().max_element()).min(0.5) }
         };
-        for emitter in &self.emitters {
+        let mut reflect = |incident: Incident, light: &mut LocalLight| {
+            if shading.n.dot(incident.wi) <= 0.0 {
+                return;
+            }
+            let lobes = shading.bsdf.evaluate_cos(shading.n, shading.wo, incident.wi);
+            let (diffuse, specular) = (lobes.diffuse * incident.diffuse, lobes.specular * incident.specular);
+            if diffuse.is_black() && specular.is_black() {
+                return;
+            }
+            if shadows && incident.casts_shadow {
+                batch.push(shadow_ray(&incident), diffuse, specular);
+                if batch.n == 8 {
+                    batch.flush(world, light, n_rays);
+                }
+            } else {
+                light.diffuse += diffuse;
+                light.specular += specular;
+            }
+        };
+        for emitter in emitters {
             // Light from everywhere at once: the diffuse lobe under its irradiance, no highlight.
             light.diffuse += lambertian_radiance(shading.bsdf.diffuse_reflectance(), emitter.irradiance(shading.n));
-            emitter.for_each_incident(surface.p, &mut |incident: Incident| {
-                if shading.n.dot(incident.wi) <= 0.0 {
-                    return;
-                }
-                let lobes = shading.bsdf.evaluate_cos(shading.n, shading.wo, incident.wi);
-                let (diffuse, specular) = (lobes.diffuse * incident.diffuse, lobes.specular * incident.specular);
-                if diffuse.is_black() && specular.is_black() {
-                    return;
-                }
-                if shadows && incident.casts_shadow {
-                    batch.push(shadow_ray(&incident), diffuse, specular);
-                    if batch.n == 8 {
-                        batch.flush(world, &mut light, n_rays);
-                    }
-                } else {
-                    light.diffuse += diffuse;
-                    light.specular += specular;
-                }
-            });
+            emitter.for_each_incident(surface.p, &mut |incident| reflect(incident, &mut light));
+        }
+        for incident in points.iter().filter_map(|point| point.incident(surface.p)) {
+            reflect(incident, &mut light);
         }
         batch.flush(world, &mut light, n_rays);
         light
@@ -158,11 +230,13 @@ struct Batch {
     rays: [Ray; 8],
     light: [(Spectrum, Spectrum); 8],
     n: usize,
+    /// They pass what is transparent.
+    through_glass: bool,
 }
 
 impl Batch {
-    fn new() -> Self {
-        Self { rays: [Ray::new(Vec3::ZERO, Vec3::Y); 8], light: [Default::default(); 8], n: 0 }
+    fn new(through_glass: bool) -> Self {
+        Self { rays: [Ray::new(Vec3::ZERO, Vec3::Y); 8], light: [Default::default(); 8], n: 0, through_glass }
     }
 
     fn push(&mut self, ray: Ray, diffuse: Spectrum, specular: Spectrum) {
@@ -173,7 +247,7 @@ impl Batch {
 
     /// Adds what arrives of the collected light, in the order it was collected.
     fn flush(&mut self, world: &World, sum: &mut LocalLight, n_rays: &mut u64) {
-        let passed = world.transmittances(&self.rays, self.n, n_rays);
+        let passed = world.transmittances(&self.rays, self.n, self.through_glass, n_rays);
         for ((diffuse, specular), passed) in self.light.iter().zip(passed).take(self.n) {
             sum.diffuse += *diffuse * passed;
             sum.specular += *specular * passed;

@@ -135,8 +135,9 @@ impl World {
         Some((hit, self.surface(ray, &hit)))
     }
 
-    /// The fractions of light that pass along the first `n` segments, straight through everything transparent. White for the rest.
-    pub fn transmittances(&self, segments: &[Ray; 8], n: usize, n_rays: &mut u64) -> [Spectrum; 8] {
+    /// The fractions of light that pass along the first `n` segments, straight through holes and, when `through_glass`, everything
+    /// transparent. White for the rest.
+    pub fn transmittances(&self, segments: &[Ray; 8], n: usize, through_glass: bool, n_rays: &mut u64) -> [Spectrum; 8] {
         let mut passed = [Spectrum::WHITE; 8];
         *n_rays += n as u64;
         let blocked = match n {
@@ -146,13 +147,17 @@ impl World {
             _ => self.accel().occluded8(segments, ((1u32 << n) - 1) as u8),
         };
         for (i, passed) in passed.iter_mut().enumerate().filter(|(i, _)| blocked >> i & 1 == 1) {
-            *passed = if self.has_transparency() { self.transmittance_of_blocked(&segments[i], n_rays) } else { Spectrum::BLACK };
+            *passed = if self.has_transparency() {
+                self.transmittance_of_blocked(&segments[i], through_glass, n_rays)
+            } else {
+                Spectrum::BLACK
+            };
         }
         passed
     }
 
     /// The fraction for a segment that is known to meet something.
-    fn transmittance_of_blocked(&self, segment: &Ray, n_rays: &mut u64) -> Spectrum {
+    fn transmittance_of_blocked(&self, segment: &Ray, through_glass: bool, n_rays: &mut u64) -> Spectrum {
         // What is opaque decides without order; only when nothing is, the rest is walked through from front to back.
         let opaque = |hit: &Hit| {
             let material = self.scene().material_of(InstanceId(hit.instance), hit.primitive);
@@ -169,7 +174,7 @@ impl World {
             *n_rays += 1;
             let Some((_, surface)) = self.closest_visible(&ray) else { return passed };
             let shading = self.shading(&surface, -segment.dir.normalize());
-            let glass = shading.straight_transmission();
+            let glass = if through_glass { shading.straight_transmission() } else { Spectrum::BLACK };
             passed = passed * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
             if passed.is_black() {
                 return passed;

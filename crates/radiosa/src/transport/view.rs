@@ -2,6 +2,7 @@
 
 use crate::math::{DVec3, Ray, Vec3};
 use crate::raster;
+use crate::sampling::{Stream, warp};
 use crate::scene::{Camera, Projection};
 
 /// A camera with a picture of a given size: maps picture coordinates to rays in world coordinates.
@@ -65,6 +66,22 @@ impl View {
             Projection::Orthographic { height } => Some(raster::Projection::orthographic(self.eye, basis, height, self.height)),
             Projection::Panoramic => None,
         }
+    }
+
+    /// The same through a random point of the lens, where the camera has one: things off its focal plane blur. A pinhole draws no numbers.
+    ///
+    /// A thin lens brings everything on the plane at the focal distance to one point of the picture, so that the rays of one picture
+    /// point all meet there. Source: [Cook84].
+    pub fn sample_ray(&self, x: f64, y: f64, stream: &mut Stream) -> Ray {
+        let pinhole = self.ray(x, y);
+        let (Some(lens), Projection::Perspective { .. }) = (self.camera.lens, self.camera.projection) else { return pinhole };
+        let dir = pinhole.dir.as_dvec3();
+        let cos = dir.dot(self.camera.forward());
+        let focus = self.eye + dir * (lens.focus_distance / cos);
+        let p = warp::uniform_disc(stream.next_2d()).as_dvec2() * (0.5 * lens.aperture);
+        let origin = self.eye + self.camera.basis.x_axis * p.x + self.camera.basis.y_axis * p.y;
+        let dir = (focus - origin).try_normalize().map_or(pinhole.dir, |dir| dir.as_vec3());
+        Ray::new(origin.as_vec3(), dir)
     }
 
     /// As Radiance writes views: type, eye point, direction, up and angles, in scene coordinates.

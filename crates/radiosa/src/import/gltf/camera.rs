@@ -38,7 +38,7 @@ pub(super) fn read(
         other => return left_out(&format!("{other:?} is no known type of camera")),
     };
     let aspect = aspect.filter(|a| a.is_finite() && *a > 0.0);
-    Ok(Some(Camera { name, position: place.translation, basis: basis(place), projection, aspect }))
+    Ok(Some(Camera { name, position: place.translation, basis: basis(place), projection, aspect, lens: None }))
 }
 
 /// The frame of a camera on a node. The specification ignores the node's scale; a mirrored node turns the view but does not mirror

@@ -7,10 +7,12 @@
 //! | `illum 0` | unlit: `Kd` as it is |
 //! | `illum 1` | no highlight |
 //! | `illum 2` | highlight |
-//! | `illum 3`, `5`, `8` | highlight and mirror `k_r = k_s`. The format's Fresnel term of 5 starts from `Ks` whatever `Ni`, so it is not dimmed by one from `Ni` |
-//! | `illum 4`, `9` | the same and transparent `k_t = (1 − k_s) Tf`, rays go straight on |
+//! | `illum 3` | highlight and mirror `k_r = k_s` |
+//! | `illum 4` | the same and transparent `k_t = (1 − k_s) Tf`, rays go straight on |
+//! | `illum 5` | highlight and a mirror by Schlick's `k_s + (1 − k_s)(1 − cosθ)⁵`: the format's Fresnel term starts from `Ks` whatever `Ni` |
 //! | `illum 6` | the same, refracting by `Ni` |
 //! | `illum 7` | refracting, `k_r = k_s` and `k_t = Tf` weighed by Fresnel |
+//! | `illum 8`, `9` | 3 and 4 with reflection, but "ray trace off": no mirror |
 //! | `d`, `Tr`, `map_d` | coverage, or `Tf` of grey `1 − d` where a transparent `illum` says none |
 //! | `Pr` `Pm` and their maps | glTF's metallic–roughness instead |
 //!
@@ -115,7 +117,8 @@ impl Converter<'_, '_> {
             specular: specular_map,
             exponent,
             lobe: PhongLobe::BlinnPhong,
-            mirror: if illum >= 3 { specular } else { Spectrum::BLACK },
+            mirror: if matches!(illum, 3..=7) { specular } else { Spectrum::BLACK },
+            schlick: illum == 5,
             transmission: if fresnel { transmission } else { transmission * (Spectrum::WHITE - specular) },
             ior: self.ior(defaults.ior),
             fresnel,

@@ -204,6 +204,10 @@ fn append(scene: &mut Scene, other: Scene, into: DAffine3) -> Base {
         if let Projection::Orthographic { height } = &mut camera.projection {
             *height *= length;
         }
+        if let Some(lens) = &mut camera.lens {
+            lens.aperture *= length;
+            lens.focus_distance *= length;
+        }
         camera
     }));
     if scene.environment.is_none() {

@@ -9,7 +9,7 @@ use super::value::{At, Color, Direction, DirectionCount, Exponent, Falloff, Fiel
 use crate::import::ImportError;
 use crate::math::{DMat3, DQuat, DVec3, function};
 use crate::scene::{
-    Attenuation, Camera, Cone, Directional, Environment, EnvironmentRadiance, Light, LightKind, PhotometricUnit, Projection,
+    Attenuation, Camera, Cone, Directional, Environment, EnvironmentRadiance, Lens, Light, LightKind, PhotometricUnit, Projection,
 };
 use crate::spectrum::Spectrum;
 
@@ -277,7 +277,16 @@ pub(super) struct CameraTable {
     panoramic: bool,
     /// Width over height of its picture; that of the picture asked for when not given.
     aspect: Option<Positive>,
+    /// Diameter of a perspective camera's lens in the file's units: what is out of focus blurs. A pinhole when not given.
+    aperture: Option<Positive>,
+    /// Or that diameter as photographers say it: the focal length over it, for a film 24 mm high.
+    f_number: Option<Positive>,
+    /// Distance of what is in focus along the direction of view, in the file's units; that of `look_at` when not given.
+    focus_distance: Option<Positive>,
 }
+
+/// Height of the film that `f_number` means, metres: the 24 mm of a 35 mm camera.
+const FILM_HEIGHT: f64 = 0.024;
 
 impl CameraTable {
     /// The camera in scene coordinates.
@@ -304,13 +313,43 @@ impl CameraTable {
         } else {
             Projection::Perspective { fov_y: self.fov_y.map_or(45.0, |f| f.0).to_radians() }
         };
+        let lens = self.lens(name, projection, (target - self.position.0).length(), r)?;
         let up = self.up.map_or(r.up.axis(), |u| u.0);
         let forward = r.direction((target - self.position.0).normalize_or(DVec3::NEG_Z));
         let position = r.point(self.position.0);
         let mut camera = Camera::look_at(name.value.clone(), DVec3::ZERO, forward, r.direction(up), projection);
         camera.position = position;
         camera.aspect = self.aspect.map(|a| a.0);
+        camera.lens = lens;
         Ok(camera)
+    }
+
+    /// `to_target` in the file's units.
+    fn lens(
+        &self,
+        name: &At<String>,
+        projection: Projection,
+        to_target: f64,
+        r: &Reading<'_>,
+    ) -> Result<Option<Lens>, ImportError> {
+        let present = [("aperture", self.aperture.is_some()), ("f_number", self.f_number.is_some())];
+        super::at_most_one(&r.text, &name.span, "a camera", &present)?;
+        let unit = unit_length(&r.scene.from_file);
+        let Projection::Perspective { fov_y } = projection else {
+            return if self.aperture.or(self.f_number).or(self.focus_distance).is_some() {
+                Err(r.text.error(&name.span, format!("the camera {:?} has a lens, but no perspective", name.value), ""))
+            } else {
+                Ok(None)
+            };
+        };
+        let diameter = match (self.aperture, self.f_number) {
+            (Some(aperture), _) => aperture.0 * unit,
+            // fov = 2 atan(h / 2f)
+            (_, Some(number)) => 0.5 * FILM_HEIGHT / crate::math::function::tan_f64(0.5 * fov_y) / number.0,
+            (None, None) => return Ok(None),
+        };
+        let focus_distance = self.focus_distance.map_or(to_target, |d| d.0) * unit;
+        Ok(Some(Lens { aperture: diameter, focus_distance }))
     }
 }
 

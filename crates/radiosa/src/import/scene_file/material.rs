@@ -585,6 +585,7 @@ impl PhongTable {
             transmission: self.transmission.map_or(Spectrum::BLACK, |c| c.0),
             ior: self.ior.map_or(1.5, |i| i.0 as f32),
             fresnel: self.fresnel,
+            schlick: false,
             absorption: r.per_metre(self.absorption),
             thin: self.thin,
             priority: self.priority.map_or(0, |p| p.0 as i32),

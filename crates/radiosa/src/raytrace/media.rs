@@ -1,0 +1,136 @@
+//! Which medium a ray is in, where transparent bodies overlap: nested dielectrics by priority. Source: [Schmidt02].
+//!
+//! A ray carries the bodies it has entered and not left. Of those the one of the highest priority is what it travels in; of equal ones the body it
+//! entered last, which is what modelling one body wholly inside another means. A boundary counts only where this changes what the ray travels in:
+//! a body of lower priority inside another has no surface there, and the ray passes straight ("false intersections" in the paper). So a
+//! drink may reach into its glass, and where it ends exactly does not matter.
+//!
+//! A ray that leaves a body it never entered started inside it. The list is short and fixed; a body that does not fit is treated as never entered,
+//! which is a wrong index where more than [`CAPACITY`] bodies overlap and nothing worse.
+
+use crate::math::function;
+use crate::spectrum::Spectrum;
+
+/// Bodies that may overlap in one place.
+pub(super) const CAPACITY: usize = 6;
+
+/// A transparent body.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Medium {
+    /// Which: instance and material, since one mesh may hold several bodies.
+    pub(super) body: (u32, u32),
+    /// Index of refraction in vacuum.
+    pub(super) ior: f32,
+    /// σ, 1/m.
+    pub(super) absorption: Spectrum,
+    /// The highest wins.
+    pub(super) priority: i32,
+}
+
+/// The bodies a ray is in, in the order it entered them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Media {
+    bodies: [Medium; CAPACITY],
+    n: usize,
+}
+
+/// What a ray finds at the surface of a body.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Boundary {
+    /// Index of refraction on the other side of the body's surface; `None` when another body of higher priority hides this one.
+    pub(super) surroundings: Option<f32>,
+    /// Where the ray is when it has passed.
+    pub(super) behind: Media,
+    /// The medium it came through when that is the body itself and it never entered: it started inside.
+    pub(super) began_in: Option<Medium>,
+}
+
+impl Media {
+    /// What the ray travels in; `None` for vacuum.
+    pub(super) fn current(&self) -> Option<&Medium> {
+        // The last of equal ones.
+        self.bodies[..self.n].iter().max_by_key(|body| body.priority)
+    }
+
+    /// Its index of refraction.
+    pub(super) fn ior(&self) -> f32 {
+        self.current().map_or(1.0, |medium| medium.ior)
+    }
+
+    /// The ray meets the surface of `body`, from outside (`entering`) or from inside.
+    pub(super) fn meet(&self, body: Medium, entering: bool) -> Boundary {
+        let mut behind = *self;
+        if entering {
+            let hidden = self.current().is_some_and(|current| current.priority > body.priority);
+            if behind.n < CAPACITY {
+                behind.bodies[behind.n] = body;
+                behind.n += 1;
+            }
+            return Boundary { surroundings: (!hidden).then(|| self.ior()), behind, began_in: None };
+        }
+        let Some(i) = self.bodies[..self.n].iter().rposition(|other| other.body == body.body) else {
+            let hidden = self.current().is_some_and(|current| current.priority > body.priority);
+            return Boundary { surroundings: (!hidden).then(|| self.ior()), behind, began_in: (!hidden).then_some(body) };
+        };
+        let visible = self.current().is_some_and(|current| current.body == body.body);
+        behind.bodies.copy_within(i + 1..self.n, i);
+        behind.n -= 1;
+        Boundary { surroundings: visible.then(|| behind.ior()), behind, began_in: None }
+    }
+}
+
+/// What is left of light after `distance` metres: `exp(−σ d)` by channel (Beer's law). Nothing comes from infinitely far.
+pub(super) fn transmittance(absorption: Spectrum, distance: f32) -> Spectrum {
+    absorption.map(|sigma| if sigma > 0.0 { function::exp(-sigma * distance) } else { 1.0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn body(id: u32, ior: f32, priority: i32) -> Medium {
+        Medium { body: (id, 0), ior, priority, ..Medium::default() }
+    }
+
+    #[test]
+    fn the_higher_priority_hides_the_lower_where_bodies_overlap() {
+        let (glass, water) = (body(1, 1.5, 2), body(2, 1.33, 1));
+        // Into the glass, the water begins unseen within it, out of the glass into water, out of the water.
+        let a = Media::default().meet(glass, true);
+        assert_eq!((a.surroundings, a.behind.ior()), (Some(1.0), 1.5));
+        let b = a.behind.meet(water, true);
+        assert_eq!((b.surroundings, b.behind.ior()), (None, 1.5));
+        let c = b.behind.meet(glass, false);
+        assert_eq!((c.surroundings, c.behind.ior()), (Some(1.33), 1.33));
+        let d = c.behind.meet(water, false);
+        assert_eq!((d.surroundings, d.behind.ior()), (Some(1.0), 1.0));
+    }
+
+    #[test]
+    fn of_equal_bodies_the_inner_one_counts() {
+        let (block, bubble) = (body(1, 1.5, 0), body(2, 1.0, 0));
+        let a = Media::default().meet(block, true).behind.meet(bubble, true);
+        assert_eq!((a.surroundings, a.behind.ior()), (Some(1.5), 1.0));
+        let b = a.behind.meet(bubble, false);
+        assert_eq!((b.surroundings, b.behind.ior()), (Some(1.5), 1.5));
+    }
+
+    #[test]
+    fn a_ray_that_leaves_what_it_never_entered_began_inside() {
+        let glass = body(1, 1.5, 0);
+        let out = Media::default().meet(glass, false);
+        assert_eq!((out.surroundings, out.began_in, out.behind.ior()), (Some(1.0), Some(glass), 1.0));
+    }
+
+    #[test]
+    fn more_bodies_than_fit_do_no_harm() {
+        let mut media = Media::default();
+        for i in 0..3 * CAPACITY as u32 {
+            media = media.meet(body(i, 1.0 + i as f32, 0), true).behind;
+        }
+        for i in (0..3 * CAPACITY as u32).rev() {
+            media = media.meet(body(i, 1.0 + i as f32, 0), false).behind;
+        }
+        assert_eq!((media.n, media.ior()), (0, 1.0));
+    }
+}

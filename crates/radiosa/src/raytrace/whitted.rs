@@ -1,0 +1,422 @@
+//! Recursive ray tracing after [Whitted80]: the local model, shadow rays, and what perfect mirrors and glass bring.
+//!
+//! ```text
+//! I = L_e + I_a k_a + Σ_lights V I f (k_d (n·l) + k_s lobe) + k_r I_r + k_t I_t
+//! ```
+//!
+//! `I_r` and `I_t` are what the reflected ray and the ray refracted by Snell's law see, by the same formula. A ray ends where it leaves the
+//! scene, where it meets a light (an emissive surface shows its emission and its local light), at [`Settings::max_depth`], or when less than
+//! [`Settings::min_weight`] of what it brings would reach the picture. Inside a body light is absorbed by Beer's law; where bodies overlap the
+//! one of higher priority counts (`raytrace::media`). Nothing is interreflected diffusely.
+//!
+//! Rough mirrors (Cook–Torrance, rough metallic–roughness) are not in the paper of 1980. Their reflected ray is drawn from the lobe, as in
+//! [Cook84]: one, or [`Settings::samples`] at what the eye sees. Light sources it meets are left out where the highlight shows them already.
+
+use super::eye::{self, BEHIND_MAX, NEGLIGIBLE};
+use super::media::{self, Media, Medium};
+use crate::bsdf::{Bsdf, SpecularRays};
+use crate::emitter::EnvironmentShadows;
+use crate::film::Pixel;
+use crate::math::{Ray, Vec3};
+use crate::sampling::Stream;
+use crate::scene::Light;
+use crate::spectrum::Spectrum;
+use crate::transport::{Emitters, Integrator, LightSettings, Lights, LocalLight, Shading, Surface, Viewer, World, default_light};
+
+/// The deepest recursion there is, whatever is asked for: the machine's stack is finite.
+pub const DEPTH_LIMIT: u32 = 64;
+/// Surfaces one camera sample meets at most: constants `k_r = k_t = 1` would otherwise double the rays at every depth.
+const MAX_SURFACES: u32 = 1 << 15;
+
+/// How mirrors and glass made of constants `k_r`, `k_t` are weighed. Metallic–roughness materials are Fresnel's by definition.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Fresnel {
+    /// As the material says.
+    #[default]
+    Material,
+    /// Everything transparent by Fresnel's equations: `k_r F`, `k_t (1 − F)`.
+    On,
+    /// The constants as they are, as in 1980.
+    Off,
+}
+
+/// What recursive ray tracing can be asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Shadow rays.
+    pub shadows: bool,
+    /// Light passes transparent things on its way from a lamp, straight and filtered; otherwise they cast full shadows, as in 1980.
+    pub transparent_shadows: bool,
+    /// Reflections and refractions in a row, at most [`DEPTH_LIMIT`]; 0 is ray casting without transparency.
+    pub max_depth: u32,
+    /// A ray of which less than this would reach the picture is not traced. With 1/1024 an 8-bit picture hardly changes (`tests/whitted.rs`).
+    pub min_weight: f32,
+    /// How constants are weighed.
+    pub fresnel: Fresnel,
+    /// Rays of each rough reflection and random points on emissive surfaces, where the eye's ray hits; beyond, one of each. 0 or 1 is
+    /// the classic method: emissive surfaces as fixed points, one ray for each rough lobe.
+    pub samples: u32,
+    /// How lights are prepared.
+    pub lights: LightSettings,
+    /// Where highlights are seen from.
+    pub viewer: Viewer,
+    /// Lights beside the scene's own, as for ray casting.
+    pub extra_lights: Vec<Light>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            shadows: true,
+            transparent_shadows: true,
+            max_depth: 12,
+            min_weight: 1.0 / 1024.0,
+            fresnel: Fresnel::Material,
+            samples: 0,
+            lights: LightSettings::default(),
+            viewer: Viewer::Local,
+            extra_lights: Vec::new(),
+        }
+    }
+}
+
+/// Recursive ray tracing, ready to be asked.
+#[derive(Debug)]
+pub struct Whitted {
+    settings: Settings,
+    lights: Lights,
+    /// Unit, to an infinitely distant viewer.
+    to_viewer: Vec3,
+    has_backdrop: bool,
+}
+
+impl Whitted {
+    /// Prepares the lights of a world. `forward` is the direction the camera looks in, for viewers at infinity.
+    pub fn new(world: &World, settings: &Settings, forward: Vec3) -> Self {
+        let mut lights = Lights::prepare(world, &settings.lights, &settings.extra_lights);
+        if !settings.transparent_shadows {
+            lights = lights.with_full_shadows();
+        }
+        if settings.samples > 1 {
+            lights = lights.with_random_points(world);
+        }
+        let settings = Settings {
+            max_depth: settings.max_depth.min(DEPTH_LIMIT),
+            min_weight: settings.min_weight.max(0.0),
+            samples: settings.samples.clamp(1, 4096),
+            ..settings.clone()
+        };
+        let has_backdrop = default_light::has_backdrop(world, &settings.extra_lights);
+        Self { settings, lights, to_viewer: -forward, has_backdrop }
+    }
+
+    /// The prepared lights.
+    pub fn lights(&self) -> &Lights {
+        &self.lights
+    }
+}
+
+impl Integrator for Whitted {
+    fn sample(&self, world: &World, ray: &Ray, stream: &mut Stream, n_rays: &mut u64) -> Pixel {
+        let mut pixel = Pixel::default();
+        let mut tracer = Tracer { method: self, world, stream, n_rays, n_surfaces: 0 };
+        let left = tracer.follow(ray, &Media::default(), Reach::of_the_eye(), &mut pixel);
+        pixel.alpha = 1.0 - left;
+        pixel
+    }
+}
+
+/// What a ray brings, by how often the light was scattered before the ray picks it up.
+#[derive(Clone, Copy, Debug, Default)]
+struct Arriving {
+    /// Straight from a source: emission and background.
+    straight: Spectrum,
+    /// Scattered once.
+    once: Spectrum,
+    /// Scattered more than once, and ambient light, which stands for that.
+    more: Spectrum,
+}
+
+impl Arriving {
+    fn sum(self) -> Spectrum {
+        self.straight + self.once + self.more
+    }
+
+    fn add(&mut self, weight: Spectrum, other: Self) {
+        self.straight += weight * other.straight;
+        self.once += weight * other.once;
+        self.more += weight * other.more;
+    }
+}
+
+/// The light that leaves a surface towards the ray.
+struct Leaving {
+    local: LocalLight,
+    emission: Spectrum,
+    reflected: Arriving,
+    refracted: Arriving,
+}
+
+/// Where what a ray meets goes to: the layers of a pixel, or the three sums of a secondary ray.
+trait Sink {
+    fn meet(&mut self, world: &World, surface: &Surface, shading: &Shading, distance: f32);
+    fn surface(&mut self, weight: Spectrum, light: &Leaving);
+    fn background(&mut self, light: Spectrum);
+}
+
+impl Sink for Pixel {
+    fn meet(&mut self, world: &World, surface: &Surface, shading: &Shading, distance: f32) {
+        eye::record(self, world, surface, shading, distance);
+    }
+
+    fn surface(&mut self, weight: Spectrum, light: &Leaving) {
+        let (ambient, diffuse, specular) =
+            (weight * light.local.ambient, weight * light.local.diffuse, weight * light.local.specular);
+        let (reflection, refraction) = (weight * light.reflected.sum(), weight * light.refracted.sum());
+        let emission = weight * light.emission;
+        self.ambient += ambient;
+        self.diffuse += diffuse;
+        self.specular += specular;
+        self.reflection += reflection;
+        self.refraction += refraction;
+        self.emission += emission;
+        self.direct += diffuse + specular + weight * (light.reflected.straight + light.refracted.straight);
+        let twice = |a: &Arriving| a.once + a.more;
+        self.indirect += ambient + weight * (twice(&light.reflected) + twice(&light.refracted));
+        self.color += ambient + diffuse + specular + reflection + refraction + emission;
+    }
+
+    fn background(&mut self, light: Spectrum) {
+        self.background += light;
+        self.color += light;
+    }
+}
+
+impl Sink for Arriving {
+    fn meet(&mut self, _: &World, _: &Surface, _: &Shading, _: f32) {}
+
+    fn surface(&mut self, weight: Spectrum, light: &Leaving) {
+        self.straight += weight * light.emission;
+        self.once += weight * (light.local.diffuse + light.local.specular + light.reflected.straight + light.refracted.straight);
+        let twice = |a: &Arriving| a.once + a.more;
+        self.more += weight * (light.local.ambient + twice(&light.reflected) + twice(&light.refracted));
+    }
+
+    fn background(&mut self, light: Spectrum) {
+        self.straight += light;
+    }
+}
+
+/// How far a ray has come.
+#[derive(Clone, Copy, Debug)]
+struct Reach {
+    /// Reflections and refractions behind it.
+    depth: u32,
+    /// The largest part of what it brings that can reach the picture.
+    weight: f32,
+    /// Above 0 it samples a lobe of that roughness, whose highlight shows the light sources already.
+    roughness: f32,
+}
+
+impl Reach {
+    const fn of_the_eye() -> Self {
+        Self { depth: 0, weight: 1.0, roughness: 0.0 }
+    }
+}
+
+struct Tracer<'a> {
+    method: &'a Whitted,
+    world: &'a World,
+    stream: &'a mut Stream,
+    n_rays: &'a mut u64,
+    n_surfaces: u32,
+}
+
+impl Tracer<'_> {
+    /// Follows a ray to what it meets, through holes; gives `sink` what arrives and returns how much of the ray leaves the scene.
+    fn follow(&mut self, ray: &Ray, media: &Media, reach: Reach, sink: &mut impl Sink) -> f32 {
+        let world = self.world;
+        let mut ray = *ray;
+        let mut media = *media;
+        let mut distance = 0.0;
+        // What still comes through, and the part of it that absorption did not decide.
+        let mut open = Spectrum::WHITE;
+        let mut uncovered = 1.0;
+        for layer in 0..BEHIND_MAX {
+            *self.n_rays += 1;
+            let Some((hit, surface)) = world.closest_visible(&ray) else {
+                if let Some(medium) = media.current() {
+                    open = open * media::transmittance(medium.absorption, f32::INFINITY);
+                }
+                sink.background(open * self.behind(ray.dir, reach, layer == 0));
+                return uncovered;
+            };
+            self.n_surfaces += 1;
+            distance += hit.t;
+            let wo = -ray.dir;
+            let mut shading = world.shading(&surface, wo);
+            let transmission = shading.bsdf.transmission();
+            let entering = surface.is_front(wo);
+            let mut surroundings = media.ior();
+            let mut behind = media;
+            let mut through = media.current().map(|medium| medium.absorption);
+            if let Some(t) = transmission.filter(|t| !t.thin) {
+                let material = surface.material.map_or(u32::MAX, |m| m.0);
+                let body =
+                    Medium { body: (surface.instance.0, material), ior: t.ior, absorption: t.absorption, priority: t.priority };
+                let boundary = media.meet(body, entering);
+                through = boundary.began_in.map(|medium| medium.absorption).or(through);
+                if let Some(absorption) = through {
+                    open = open * media::transmittance(absorption, hit.t);
+                }
+                let Some(other_side) = boundary.surroundings else {
+                    // Hidden in a body of higher priority: there is no surface here.
+                    media = boundary.behind;
+                    ray = surface.ray(ray.dir);
+                    continue;
+                };
+                (surroundings, behind) = (other_side, boundary.behind);
+            } else if let Some(absorption) = through {
+                open = open * media::transmittance(absorption, hit.t);
+            }
+            sink.meet(world, &surface, &shading, distance);
+            let weight = open * shading.coverage;
+            if shading.coverage > 0.0 {
+                if surroundings != 1.0 {
+                    shading.bsdf = shading.bsdf.within(surroundings);
+                }
+                let light = self.leaving(&surface, &mut shading, entering, (&media, &behind), reach, weight.max_channel());
+                sink.surface(weight, &light);
+            }
+            uncovered *= 1.0 - shading.coverage;
+            open *= 1.0 - shading.coverage;
+            if open.max_channel() * reach.weight < NEGLIGIBLE || self.n_surfaces >= MAX_SURFACES {
+                return uncovered * f32::from(u8::from(uncovered >= NEGLIGIBLE));
+            }
+            // A hole in the wall of a body lets into the body.
+            media = behind;
+            ray = surface.ray(ray.dir);
+        }
+        0.0
+    }
+
+    /// What a ray that leaves the scene sees.
+    fn behind(&self, dir: Vec3, reach: Reach, first: bool) -> Spectrum {
+        let from_eye = reach.depth == 0 && first;
+        let lit_by_sky = self.method.settings.lights.environment_shadows == EnvironmentShadows::On && self.world.sky().is_some();
+        if reach.roughness > 0.0 && lit_by_sky {
+            return Spectrum::BLACK;
+        }
+        eye::behind(self.world, dir, self.method.has_backdrop, from_eye)
+    }
+
+    /// The light that leaves a surface towards `shading.wo`. `weight` is what of it the ray brings on, and `media` are this side and the other.
+    fn leaving(
+        &mut self,
+        surface: &Surface,
+        shading: &mut Shading,
+        entering: bool,
+        media: (&Media, &Media),
+        reach: Reach,
+        weight: f32,
+    ) -> Leaving {
+        let settings = &self.method.settings;
+        let wo = shading.wo;
+        if reach.roughness > 0.0 {
+            shading.bsdf = shading.bsdf.at_least_as_rough(reach.roughness);
+        }
+        if settings.viewer == Viewer::Infinite {
+            shading.wo = self.method.to_viewer;
+        }
+        let n_points = if reach.depth == 0 { settings.samples } else { 1 };
+        let random = (n_points, &mut *self.stream);
+        let local = self.method.lights.at_random(self.world, surface, shading, settings.shadows, random, self.n_rays);
+        let shown = shading.bsdf.unlit().unwrap_or(Spectrum::BLACK);
+        let is_counted = reach.roughness > 0.0 && settings.lights.emitters != Emitters::Ignore;
+        let emission = if is_counted { shown } else { shading.emission + shown };
+        let mut light = Leaving { local, emission, reflected: Arriving::default(), refracted: Arriving::default() };
+        if !shading.emission.is_black() || reach.depth >= settings.max_depth {
+            return light;
+        }
+        let here = Reach { weight: reach.weight * weight, ..reach };
+        let bsdf = match settings.fresnel {
+            Fresnel::Material => shading.bsdf,
+            Fresnel::On => shading.bsdf.with_fresnel(true),
+            Fresnel::Off => shading.bsdf.with_fresnel(false),
+        };
+        let rays = bsdf.specular_rays(shading.n, wo, entering);
+        let ng = if entering { surface.ng } else { -surface.ng };
+        self.perfect(surface, ng, &rays, media, here, &mut light);
+        self.gloss(surface, ng, (&bsdf, shading.n, wo), media.0, here, &mut light);
+        light
+    }
+
+    fn perfect(
+        &mut self,
+        surface: &Surface,
+        ng: Vec3,
+        rays: &SpecularRays,
+        (this_side, other_side): (&Media, &Media),
+        reach: Reach,
+        light: &mut Leaving,
+    ) {
+        if let Some((dir, k_r)) = rays.reflected {
+            light.reflected.add(k_r, self.beyond(surface, kept_above(dir, ng), this_side, reach, k_r, 0.0));
+        }
+        if let Some((dir, k_t)) = rays.refracted {
+            light.refracted.add(k_t, self.beyond(surface, kept_above(dir, -ng), other_side, reach, k_t, 0.0));
+        }
+    }
+
+    /// What a rough lobe reflects, from directions drawn from it.
+    fn gloss(
+        &mut self,
+        surface: &Surface,
+        ng: Vec3,
+        (bsdf, n, wo): (&Bsdf, Vec3, Vec3),
+        media: &Media,
+        reach: Reach,
+        light: &mut Leaving,
+    ) {
+        if !bsdf.is_glossy() {
+            return;
+        }
+        let n_samples = if reach.depth == 0 { self.method.settings.samples } else { 1 };
+        for _ in 0..n_samples {
+            let u = self.stream.next_2d();
+            let Some((dir, weight)) = bsdf.sample_gloss(n, wo, u) else { continue };
+            if dir.dot(ng) <= 0.0 {
+                continue;
+            }
+            let arriving = self.beyond(surface, dir, media, reach, weight, bsdf.roughness());
+            light.reflected.add(weight / n_samples as f32, arriving);
+        }
+    }
+
+    /// What the next ray brings; nothing when too little of it would be seen.
+    fn beyond(
+        &mut self,
+        surface: &Surface,
+        dir: Vec3,
+        media: &Media,
+        reach: Reach,
+        weight: Spectrum,
+        roughness: f32,
+    ) -> Arriving {
+        let mut arriving = Arriving::default();
+        let weight = reach.weight * weight.max_channel();
+        // Not `<`: what is no number ends here, too.
+        if weight > 0.0 && weight >= self.method.settings.min_weight && self.n_surfaces < MAX_SURFACES {
+            let reach = Reach { depth: reach.depth + 1, weight, roughness };
+            self.follow(&surface.ray(dir), media, reach, &mut arriving);
+        }
+        arriving
+    }
+}
+
+/// A direction that a shading normal sent through its own surface, brought back to just above it; `ng` is unit.
+fn kept_above(dir: Vec3, ng: Vec3) -> Vec3 {
+    const JUST_ABOVE: f32 = 1e-3;
+    let height = dir.dot(ng);
+    if height > 0.0 { dir } else { (dir + ng * (JUST_ABOVE - height)).normalize() }
+}
