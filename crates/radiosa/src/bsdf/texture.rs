@@ -34,19 +34,17 @@ fn sample_texture(scene: &Scene, texture: &Texture, uv: Vec2) -> [f32; 4] {
 /// A picture's red, green, blue and alpha at `uv`, which must be finite.
 pub fn sample_image(image: &Image, sampler: Sampler, is_srgb: bool, uv: Vec2) -> [f32; 4] {
     let (x, y) = (place(uv.x, image.width, sampler.wrap_u), place(uv.y, image.height, sampler.wrap_v));
-    let index = |i: i64, n: u32, wrap: Wrap| wrap_index(i, i64::from(n), wrap);
-    let at = |i: i64, j: i64| {
-        let (i, j) = (index(i, image.width, sampler.wrap_u), index(j, image.height, sampler.wrap_v));
-        texel(image, is_srgb, j * image.width as usize + i)
-    };
+    let column = |i: i64| wrap_index(i, i64::from(image.width), sampler.wrap_u);
+    let row = |j: i64| wrap_index(j, i64::from(image.height), sampler.wrap_v) * image.width as usize;
+    let at = |i: usize, j: usize| texel(image, is_srgb, j + i);
     match sampler.filter {
-        Filter::Nearest => at(x.floor() as i64, y.floor() as i64),
+        Filter::Nearest => at(column(floor(x)), row(floor(y))),
         Filter::Bilinear => {
             let (x, y) = (x - 0.5, y - 0.5);
-            let (i, j) = (x.floor(), y.floor());
-            let (s, t) = ((x - i) as f32, (y - j) as f32);
-            let (i, j) = (i as i64, j as i64);
-            let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1));
+            let (i, j) = (floor(x), floor(y));
+            let (s, t) = ((x - i as f64) as f32, (y - j as f64) as f32);
+            let (i0, i1, j0, j1) = (column(i), column(i + 1), row(j), row(j + 1));
+            let (a, b, c, d) = (at(i0, j0), at(i1, j0), at(i0, j1), at(i1, j1));
             std::array::from_fn(|k| {
                 let (top, bottom) = (a[k] + s * (b[k] - a[k]), c[k] + s * (d[k] - c[k]));
                 top + t * (bottom - top)
@@ -55,12 +53,20 @@ pub fn sample_image(image: &Image, sampler: Sampler, is_srgb: bool, uv: Vec2) ->
     }
 }
 
+/// The largest whole number not above `x`, which is within ±2⁶²: the baseline processor has no instruction for it, and calling for it here is slow.
+fn floor(x: f64) -> i64 {
+    let i = x as i64;
+    i - i64::from(i as f64 > x)
+}
+
 /// A coordinate in texels, brought near enough to the picture that whole numbers of them stay small.
 fn place(u: f32, n: u32, wrap: Wrap) -> f64 {
     let u = f64::from(u);
+    // Beyond this f32 knows whole turns only.
+    let whole = |u: f64| if u.abs() < 1e15 { floor(u) as f64 } else { u };
     let near = match wrap {
-        Wrap::Repeat => u - u.floor(),
-        Wrap::Mirror => u - 2.0 * (u * 0.5).floor(),
+        Wrap::Repeat => u - whole(u),
+        Wrap::Mirror => u - 2.0 * whole(u * 0.5),
         Wrap::Clamp => u.clamp(-1.0, 2.0),
     };
     near * f64::from(n)
@@ -68,6 +74,9 @@ fn place(u: f32, n: u32, wrap: Wrap) -> f64 {
 
 /// The texel that stands at `i`, for pictures of `n` texels.
 fn wrap_index(i: i64, n: i64, wrap: Wrap) -> usize {
+    if (0..n).contains(&i) {
+        return i as usize;
+    }
     let i = match wrap {
         Wrap::Repeat => i.rem_euclid(n),
         Wrap::Mirror => {

@@ -185,6 +185,13 @@ impl Film {
         }
     }
 
+    /// Stores colour and alpha of pixel `i`, row by row, of a film that keeps no other layers.
+    pub(crate) fn set_color(&mut self, i: usize, color: Spectrum, alpha: f32) {
+        for (plane, value) in self.planes.iter_mut().zip([color.r, color.g, color.b, alpha]) {
+            plane.values[i] = value;
+        }
+    }
+
     /// Copies a film of the same layers to where its first pixel is `(x, y)`.
     ///
     /// # Panics

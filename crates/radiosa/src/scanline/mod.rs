@@ -184,6 +184,11 @@ impl<'a> ScanLine<'a> {
         self.sampling.filter == Filter::Box
     }
 
+    /// One sample a pixel, and no layers but the colour.
+    fn is_plain(&self) -> bool {
+        self.samples.len() == 1 && self.film.layers().iter().all(|l| matches!(l, Layer::Color | Layer::Alpha))
+    }
+
     /// Some layer is not light.
     fn wants_data(&self) -> bool {
         let data = [Layer::Albedo, Layer::Normal, Layer::Position, Layer::Depth, Layer::ObjectId];

@@ -117,6 +117,10 @@ pub(super) fn draw(
         drawing.find_visible(samples, scratch);
         drawing.ask(samples, scratch);
         drawing.light(scratch);
+        if method.is_plain() && scratch.fragments.is_empty() {
+            drawing.show(scratch, &mut film);
+            return film;
+        }
         drawing.composite(samples, scratch, &mut |x, y, pixel, at| {
             if pixels.is_empty() {
                 film.set_pixel(x, y, pixel);
@@ -373,6 +377,23 @@ impl Drawing<'_> {
                     out(x, y, &composite.finish(), *at);
                 }
             }
+        }
+    }
+
+    /// The picture alone, of one sample a pixel and nothing transparent: what [`Self::composite`] would make of it.
+    fn show(&self, scratch: &mut Scratch<'_>, film: &mut Film) {
+        let Scratch { shown, lit, mixed, chains, .. } = scratch;
+        let light = if self.method.interpolation == Interpolation::Phong { lit.finish() } else { mixed };
+        let at = self.method.samples[0];
+        for (i, &link) in chains.iter().enumerate() {
+            let (x, y) = (i as u32 % self.size.0, i as u32 / self.size.0);
+            let (color, alpha) = if link == BACKGROUND {
+                (self.background(x, y, &at, true), 0.0)
+            } else {
+                let (light, shown) = (&light[link as usize], &shown[link as usize]);
+                (light.ambient + light.diffuse + light.specular + shown.emission, 1.0)
+            };
+            film.set_color(i, color, alpha);
         }
     }
 
