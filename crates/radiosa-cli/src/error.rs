@@ -7,6 +7,7 @@ use miette::{Diagnostic, GraphicalReportHandler, LabeledSpan, NamedSource};
 use radiosa::export::ExportError;
 use radiosa::film::FilmError;
 use radiosa::import::ImportError;
+use radiosa::scanline::ScanLineError;
 use radiosa::scene::SceneError;
 
 /// Everything that ends the command early.
@@ -24,6 +25,8 @@ pub(crate) enum Error {
     Scene(#[from] SceneError),
     #[error(transparent)]
     Film(#[from] FilmError),
+    #[error(transparent)]
+    ScanLine(#[from] ScanLineError),
     #[error(transparent)]
     Export(#[from] ExportError),
 }

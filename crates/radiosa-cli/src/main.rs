@@ -32,7 +32,7 @@ fn run(args: args::Arguments) -> Result<ExitCode, error::Error> {
         return Ok(ExitCode::SUCCESS);
     }
     match args.verb {
-        Some(args::Verb::Render(render)) => render::run(*render, args.json),
+        Some(args::Verb::Render(render)) => render::run(&render, args.json),
         Some(args::Verb::Scenes(scenes)) => scenes::run(scenes, args.json),
         Some(args::Verb::Info(info)) => version::info(&info, args.json),
         None => {

@@ -177,3 +177,29 @@ fn exporting_a_scene_does_not_replace_a_file() {
     assert_eq!(std::fs::read(dir.path().join("room.toml")).expect("there"), b"mine");
     assert!(radiosa(dir.path(), &["scenes", "export", "room", "--force"]).status.success());
 }
+
+#[test]
+fn scan_line_draws_what_ray_casting_without_shadows_draws_and_cannot_draw_panoramas() {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    let common =
+        ["--size", "60x45", "--spp", "1", "--emitters", "2", "--blending", "off", "--texture-filter", "bilinear", "--json", "-q"];
+    let mean = |args: &[&str]| {
+        let output = radiosa(dir.path(), &[&["render", "room", "-o", "r.png"], args, &common[..]].concat());
+        let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        (report["mean_radiance"][1].as_f64().expect("a number"), report)
+    };
+    let (scan_line, report) = mean(&["--method", "scanline"]);
+    assert_eq!(report["method"], "scanline");
+    assert!(report["triangles"].as_u64() > Some(100), "{report}");
+    let (ray_cast, _) = mean(&["--method", "raycast", "--shadows", "off"]);
+    assert!((scan_line / ray_cast - 1.0).abs() < 0.02, "{scan_line} {ray_cast}");
+    // The broken twin: with shadows they are not the same picture.
+    let (shadowed, _) = mean(&["--method", "raycast"]);
+    assert!((scan_line / shadowed - 1.0).abs() > 0.02, "{scan_line} {shadowed}");
+
+    std::fs::write(dir.path().join("p.toml"), "[camera.main]\nposition = [0, 0, 0]\nlook_at = [0, 0, -1]\npanoramic = true\n")
+        .expect("writable");
+    let output = radiosa(dir.path(), &["render", "p.toml", "--method", "scanline"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("panorama"), "{}", text(&output.stderr));
+}

@@ -1,0 +1,156 @@
+//! Every option of the command, defined once; help and completions derive from it.
+
+mod picture;
+mod value;
+
+pub(crate) use picture::{Cull, Filter, Interpolation, Method, OnOff, Picture, TextureFilter, ToneMap, Up, Viewer};
+pub(crate) use value::{Emitters, Exposure, Size, parse_color};
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// One engine for light: a scene goes in; light comes out as pictures or numbers.
+#[derive(Parser, Debug)]
+#[command(name = "radiosa", disable_version_flag = true, max_term_width = 110)]
+pub(crate) struct Arguments {
+    /// Print the version (with --json: also commit, features and CPU path)
+    #[arg(short = 'V', long)]
+    pub(crate) version: bool,
+
+    /// Print one JSON object about what was done on standard output, and nothing else there
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+
+    #[command(subcommand)]
+    pub(crate) verb: Option<Verb>,
+}
+
+#[derive(Subcommand, Debug)]
+pub(crate) enum Verb {
+    /// Make a picture of a scene
+    Render(Box<Render>),
+    /// List the built-in scenes, or write one as files
+    Scenes(Scenes),
+    /// Show the recipe inside a picture: how it was made
+    Info(Info),
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Info {
+    /// A picture made by radiosa (.png, .exr, .hdr)
+    pub(crate) file: PathBuf,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Scenes {
+    #[command(subcommand)]
+    pub(crate) action: Option<ScenesAction>,
+}
+
+#[derive(Subcommand, Debug)]
+pub(crate) enum ScenesAction {
+    /// Write a built-in scene as a scene file
+    Export {
+        /// Its name
+        name: String,
+        /// Where to; the scene's name with .toml in the current folder when left out
+        #[arg(short, long)]
+        output: Option<PathBuf>,
+        /// Replace a file that exists
+        #[arg(long)]
+        force: bool,
+    },
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Render {
+    /// A built-in scene's name, or a .toml, .obj, .gltf or .glb file
+    #[arg(default_value = "cornell-box")]
+    pub(crate) scene: String,
+
+    /// Where to write: .png, .exr or .hdr (repeatable); the scene's name with .png when left out
+    #[arg(short, long)]
+    pub(crate) output: Vec<PathBuf>,
+
+    #[command(flatten)]
+    pub(crate) picture: Picture,
+
+    /// Bits a channel of PNG files
+    #[arg(long, value_enum, default_value_t = Bits::Eight)]
+    pub(crate) bits: Bits,
+
+    /// 16-bit instead of 32-bit floats in EXR files
+    #[arg(long)]
+    pub(crate) half: bool,
+
+    /// Layers of EXR files: all, none, or a list of lobe, path, albedo, normal, depth, position, object
+    #[arg(long, value_delimiter = ',', default_value = "all")]
+    pub(crate) layers: Vec<LayerChoice>,
+
+    #[command(flatten)]
+    pub(crate) work: Work,
+}
+
+/// What the work may touch and take; none of it changes a finished picture.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct Work {
+    /// Threads to use [default: one a processor]; the result does not depend on it
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(crate) threads: Option<u16>,
+
+    /// Stop after this long and write what there is, such as 30s or 2m
+    #[arg(long, value_name = "DURATION", value_parser = value::parse_duration)]
+    pub(crate) time: Option<Duration>,
+
+    /// A folder outside its own that the scene may read from (repeatable)
+    #[arg(long, value_name = "DIR")]
+    pub(crate) allow_outside: Vec<PathBuf>,
+
+    /// Most memory to use, such as 4G or 500M
+    #[arg(long, value_name = "SIZE", default_value = "16G", value_parser = value::parse_memory)]
+    pub(crate) max_memory: u64,
+
+    /// Instruction set of the kernels
+    #[arg(long, value_enum, default_value_t = CpuPath::Auto)]
+    pub(crate) cpu_path: CpuPath,
+
+    /// Say nothing but errors
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub(crate) quiet: bool,
+
+    /// Say more
+    #[arg(short, long)]
+    pub(crate) verbose: bool,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Bits {
+    #[value(name = "8")]
+    Eight,
+    #[value(name = "16")]
+    Sixteen,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum CpuPath {
+    /// The best this processor has
+    Auto,
+    Avx2,
+    /// The same bits on any x86-64
+    Portable,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LayerChoice {
+    All,
+    None,
+    Lobe,
+    Path,
+    Albedo,
+    Normal,
+    Depth,
+    Position,
+    Object,
+}

@@ -1,0 +1,175 @@
+//! What a picture is to look like: the options `render` and `sheet` share, and that a sheet may vary from cell to cell.
+
+use clap::{Args, ValueEnum};
+
+use super::value::{Emitters, Exposure, Size, parse_color, parse_scale};
+
+/// Everything that decides about the light in a picture, whatever is done with it.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct Picture {
+    /// How to light it
+    #[arg(short, long, value_enum, default_value_t = Method::Auto)]
+    pub(crate) method: Method,
+
+    /// Picture size in pixels [default: the camera's shape, 800 pixels on the longer side]
+    #[arg(long, value_name = "WxH")]
+    pub(crate) size: Option<Size>,
+
+    /// A camera of the scene by name or index from 0, or "auto" to frame the scene [default: the first, or auto]
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub(crate) camera: Option<String>,
+
+    /// Samples a pixel
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub(crate) spp: u32,
+
+    /// Reconstruction filter
+    #[arg(long, value_enum, default_value_t = Filter::Box)]
+    pub(crate) filter: Filter,
+
+    /// Seed of every random stream
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+
+    /// Where scan line computes light: once a face, at its vertices, or at every pixel
+    #[arg(long, value_enum, default_value_t = Interpolation::Phong)]
+    pub(crate) interpolation: Interpolation,
+
+    /// Faces scan line leaves out
+    #[arg(long, value_enum, default_value_t = Cull::None)]
+    pub(crate) cull: Cull,
+
+    /// Rings of the faces scan line makes of a sphere
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(2..=1024))]
+    pub(crate) tessellation: u32,
+
+    /// Shadow rays (scan line has none)
+    #[arg(long, value_enum, default_value_t = OnOff::On)]
+    pub(crate) shadows: OnOff,
+
+    /// Light emissive surfaces give: N point lights a side of each (N×N), or "ignore": they glow but light nothing
+    #[arg(long, value_name = "N|ignore", default_value = "5")]
+    pub(crate) emitters: Emitters,
+
+    /// Shadows of environments and discrete environments
+    #[arg(long, value_enum, default_value_t = OnOff::Off)]
+    pub(crate) environment_shadows: OnOff,
+
+    /// Where highlights are seen from: the eye point, or infinitely far away
+    #[arg(long, value_enum, default_value_t = Viewer::Local)]
+    pub(crate) viewer: Viewer,
+
+    /// Give a scene of which nothing would be seen a headlight and a soft sky (said when it happens)
+    #[arg(long, value_enum, default_value_t = OnOff::On)]
+    pub(crate) default_light: OnOff,
+
+    /// Light the scene with an environment map (.hdr, .exr), "none" to remove the scene's own, or a constant radiance r,g,b
+    #[arg(long, value_name = "FILE|none|R,G,B")]
+    pub(crate) environment: Option<String>,
+
+    /// Global ambient light I_a (the local models' k_a I_a)
+    #[arg(long, value_name = "R,G,B", value_parser = parse_color)]
+    pub(crate) ambient: Option<[f32; 3]>,
+
+    /// What the camera sees behind everything
+    #[arg(long, value_name = "R,G,B", value_parser = parse_color)]
+    pub(crate) background: Option<[f32; 3]>,
+
+    /// How textures are read between their texels: as the scene says, or all of them one way
+    #[arg(long, value_enum, default_value_t = TextureFilter::Scene)]
+    pub(crate) texture_filter: TextureFilter,
+
+    /// See through transparent things; off makes them opaque (holes cut by masks stay)
+    #[arg(long, value_enum, default_value_t = OnOff::On)]
+    pub(crate) blending: OnOff,
+
+    /// Brightness of the picture: a factor, or "auto" [default: 1 for radiometric scenes, auto for photometric ones]
+    #[arg(long, value_name = "FACTOR|auto")]
+    pub(crate) exposure: Option<Exposure>,
+
+    /// How light becomes display values
+    #[arg(long, value_enum, default_value_t = ToneMap::Clamp)]
+    pub(crate) tone_map: ToneMap,
+
+    /// Which axis of the input file points up [default: y]
+    #[arg(long, value_enum)]
+    pub(crate) up: Option<Up>,
+
+    /// Metres per unit of the input file [default: 1]
+    #[arg(long, value_name = "FACTOR", value_parser = parse_scale)]
+    pub(crate) scale: Option<f64>,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Method {
+    /// The best for the scene; says which and why
+    Auto,
+    /// One ray a pixel sample, local reflection models, shadow rays
+    Raycast,
+    /// Faces projected, scan converted and z-buffered; local reflection models, no shadows
+    Scanline,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum OnOff {
+    On,
+    Off,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Interpolation {
+    /// One colour a face
+    Flat,
+    /// Light at the vertices, interpolated
+    Gouraud,
+    /// The normal interpolated, light at every pixel
+    Phong,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Cull {
+    /// Both sides of every face are drawn
+    None,
+    /// Faces seen from behind
+    Back,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum TextureFilter {
+    /// As the scene says
+    Scene,
+    Nearest,
+    Bilinear,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Viewer {
+    Local,
+    Infinite,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Filter {
+    Box,
+    Tent,
+    Gaussian,
+    Mitchell,
+    BlackmanHarris,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ToneMap {
+    /// Values above 1 become 1
+    Clamp,
+    /// Divide by the largest value of the picture
+    #[value(alias = "renormalize")]
+    Renormalise,
+    /// Compress highlights (Reinhard et al. 2002)
+    Reinhard,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Up {
+    Y,
+    Z,
+}

@@ -1,0 +1,224 @@
+//! The methods: which one, its settings, and running it. To add one: a variant in `args::Method`, an arm in `choose` and one in `draw`.
+
+use std::time::{Duration, Instant};
+
+use radiosa::emitter::EnvironmentShadows;
+use radiosa::film::{self, Film, Layer};
+use radiosa::raytrace::{RayCast, ray_cast, tiles};
+use radiosa::scanline::{self, ScanLine};
+use radiosa::scene::Light;
+use radiosa::transport::{self, Solver, Step, World, default_light};
+
+use super::plan::Stage;
+use crate::args::{self, Method, OnOff, Picture, Work};
+use crate::error::Error;
+use crate::interrupt;
+use crate::progress::Progress;
+
+/// The method taken, and why where it was not asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Choice {
+    /// Never [`Method::Auto`].
+    pub(crate) method: Method,
+    pub(crate) why: Option<&'static str>,
+}
+
+/// Decides about `auto`.
+pub(crate) fn choose(asked: Method) -> Choice {
+    match asked {
+        Method::Auto => Choice { method: Method::Raycast, why: Some("ray casting is the only method so far that casts shadows") },
+        method => Choice { method, why: None },
+    }
+}
+
+impl Choice {
+    /// Its name on the command line.
+    pub(crate) fn name(self) -> &'static str {
+        match self.method {
+            Method::Auto | Method::Raycast => "raycast",
+            Method::Scanline => "scanline",
+        }
+    }
+
+    /// What its work is counted in.
+    pub(crate) fn unit(self) -> &'static str {
+        match self.method {
+            Method::Auto | Method::Raycast => "rays",
+            Method::Scanline => "triangles",
+        }
+    }
+}
+
+/// Where the light comes from: the scene's own lights, and those it is given where nothing would be seen.
+pub(crate) struct Lighting {
+    /// Lights beside the scene's own.
+    extra_lights: Vec<Light>,
+    /// Ray casting by these lights, which looked whether anything is seen.
+    ray_cast: RayCast,
+    /// The scene has no light of its own and was given some.
+    pub(crate) is_default: bool,
+    /// What should be said: the name of the warning, and the words.
+    pub(crate) warnings: Vec<(&'static str, String)>,
+}
+
+/// Nobody wants a black picture: where the scene's own lights reach nothing the camera sees, it is given one.
+pub(crate) fn light(stage: &Stage, picture: &Picture, choice: Choice) -> Lighting {
+    let (world, view) = (&stage.world, &stage.view);
+    let shadows = picture.shadows == OnOff::On && choice.method != Method::Scanline;
+    let mut settings =
+        ray_cast::Settings { shadows, lights: light_settings(picture), viewer: viewer(picture), extra_lights: Vec::new() };
+    let mut lighting = Lighting {
+        extra_lights: Vec::new(),
+        ray_cast: RayCast::new(world, &settings, view.forward()),
+        is_default: false,
+        warnings: Vec::new(),
+    };
+    // (`--emitters ignore` asks for just that where emitters are all there is.)
+    let wanted = picture.emitters == args::Emitters::Ignore && default_light::has_light(world);
+    let shape = (stage.size.width, stage.size.height);
+    let seen = default_light::survey(world, view, shape, &lighting.ray_cast);
+    if seen.surfaces == 0 {
+        lighting.warnings.push(("nothing-to-see", "the camera sees no surface".to_owned()));
+    }
+    if picture.default_light == OnOff::On && !wanted && seen.surfaces > 0 && seen.visible == 0 {
+        settings.extra_lights = default_light::lights(&stage.camera);
+        let helped = RayCast::new(world, &settings, view.forward());
+        if default_light::survey(world, view, shape, &helped).visible > 0 {
+            let names: Vec<String> = settings.extra_lights.iter().map(|l| format!("\"{}\"", l.name)).collect();
+            let why = if default_light::has_light(world) {
+                "the scene's own lights reach nothing the camera sees"
+            } else {
+                "the scene has no light"
+            };
+            lighting.warnings.push(("default-light", format!("{why}: it gets {}", names.join(" and "))));
+            lighting.is_default = !default_light::has_light(world);
+            lighting.ray_cast = helped;
+            lighting.extra_lights = settings.extra_lights;
+        }
+    }
+    if let Some(said) = lighting.ray_cast.lights().note() {
+        lighting.warnings.push(("emitters", said));
+    }
+    lighting
+}
+
+/// A picture, whole or as far as it came.
+pub(crate) struct Drawing {
+    pub(crate) film: Film,
+    /// The fraction of it that is done.
+    pub(crate) done: f64,
+    /// How much work it was, in the method's own unit.
+    pub(crate) count: u64,
+}
+
+/// Draws until it is done, time is up or somebody interrupts.
+///
+/// # Errors
+/// When the film cannot be had, or the method cannot draw such a scene.
+pub(crate) fn draw(
+    stage: &Stage,
+    picture: &Picture,
+    choice: Choice,
+    lighting: &Lighting,
+    layers: &[Layer],
+    watch: &Watch,
+) -> Result<Drawing, Error> {
+    let (world, view) = (&stage.world, &stage.view);
+    let sampling = sampling(stage, picture, layers);
+    match choice.method {
+        Method::Auto | Method::Raycast => {
+            let mut render = tiles::TiledRender::new(&lighting.ray_cast, view, sampling)?;
+            let done = watch.run(&mut render, world, tiles::TiledRender::n_rays);
+            Ok(Drawing { done, count: render.n_rays(), film: render.into_film() })
+        }
+        Method::Scanline => {
+            let settings = scanline::Settings {
+                interpolation: match picture.interpolation {
+                    args::Interpolation::Flat => scanline::Interpolation::Flat,
+                    args::Interpolation::Gouraud => scanline::Interpolation::Gouraud,
+                    args::Interpolation::Phong => scanline::Interpolation::Phong,
+                },
+                culling: match picture.cull {
+                    args::Cull::None => scanline::Culling::None,
+                    args::Cull::Back => scanline::Culling::Back,
+                },
+                segments: picture.tessellation,
+                lights: light_settings(picture),
+                viewer: viewer(picture),
+                extra_lights: lighting.extra_lights.clone(),
+            };
+            let mut render = ScanLine::new(world, view, &settings, sampling)?;
+            let done = watch.run(&mut render, world, ScanLine::n_triangles);
+            Ok(Drawing { done, count: render.n_triangles(), film: render.into_film() })
+        }
+    }
+}
+
+/// Who waits for a picture: shows how far it is, and ends it early.
+pub(crate) struct Watch {
+    start: Instant,
+    limit: Option<Duration>,
+    progress: Progress,
+}
+
+impl Watch {
+    /// Starts the clock.
+    pub(crate) fn new(what: &str, choice: Choice, work: &Work) -> Self {
+        Self { start: Instant::now(), limit: work.time, progress: Progress::new(what, choice.unit(), work.quiet) }
+    }
+
+    /// Runs to the end or until it is to stop; the fraction done.
+    fn run<S: Solver<Solution = Film>>(&self, solver: &mut S, world: &World, count: impl Fn(&S) -> u64) -> f64 {
+        while let Step::Working { done } = solver.step(world) {
+            self.progress.update(done, count(solver));
+            if interrupt::asked() || self.limit.is_some_and(|limit| self.start.elapsed() >= limit) {
+                return done;
+            }
+        }
+        1.0
+    }
+
+    /// Takes the bar away; how long it took.
+    pub(crate) fn finish(self) -> Duration {
+        let time = self.start.elapsed();
+        self.progress.finish();
+        time
+    }
+}
+
+fn sampling(stage: &Stage, picture: &Picture, layers: &[Layer]) -> film::Sampling {
+    film::Sampling {
+        width: stage.size.width,
+        height: stage.size.height,
+        spp: picture.spp,
+        filter: match picture.filter {
+            args::Filter::Box => film::Filter::Box,
+            args::Filter::Tent => film::Filter::Tent,
+            args::Filter::Gaussian => film::Filter::Gaussian,
+            args::Filter::Mitchell => film::Filter::Mitchell,
+            args::Filter::BlackmanHarris => film::Filter::BlackmanHarris,
+        },
+        seed: picture.seed,
+        layers: layers.to_vec(),
+    }
+}
+
+fn light_settings(picture: &Picture) -> transport::LightSettings {
+    transport::LightSettings {
+        emitters: match picture.emitters {
+            args::Emitters::Ignore => transport::Emitters::Ignore,
+            args::Emitters::Sample(n) => transport::Emitters::Points { n, max: 4096 },
+        },
+        environment_shadows: match picture.environment_shadows {
+            OnOff::On => EnvironmentShadows::On,
+            OnOff::Off => EnvironmentShadows::Off,
+        },
+    }
+}
+
+fn viewer(picture: &Picture) -> transport::Viewer {
+    match picture.viewer {
+        args::Viewer::Local => transport::Viewer::Local,
+        args::Viewer::Infinite => transport::Viewer::Infinite,
+    }
+}

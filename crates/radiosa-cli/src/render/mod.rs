@@ -1,0 +1,144 @@
+//! The verb `render`, and what other verbs need to draw a picture: `plan` prepares a scene, `method` draws it, `output` says how it looks and
+//! was made.
+
+pub(crate) mod method;
+pub(crate) mod output;
+pub(crate) mod plan;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use radiosa::export::image::{self, ExrDepth, PngDepth};
+use radiosa::import::Warning;
+use serde_json::json;
+
+use crate::args::{self, Render, Work};
+use crate::error::Error;
+use crate::interrupt;
+use method::Watch;
+use output::tell;
+use plan::Stage;
+
+/// Does something with as many threads as were asked for, and listens for Ctrl-C.
+pub(crate) fn with_threads<T: Send>(work: &Work, what: impl FnOnce() -> Result<T, Error> + Send) -> Result<T, Error> {
+    interrupt::listen();
+    let threads = work.threads.map_or(0, usize::from);
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| Error::failed(format!("cannot start {threads} threads: {e}"), "ask for fewer with --threads"))?;
+    pool.install(what)
+}
+
+pub(crate) fn run(args: &Render, json: bool) -> Result<ExitCode, Error> {
+    with_threads(&args.work, || render(args, json))
+}
+
+fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
+    let start = Instant::now();
+    let (picture, work) = (&args.picture, &args.work);
+    plan::cpu_path(work.cpu_path)?;
+    for output in &args.output {
+        image::check_target(output)?;
+    }
+    let mut warnings = Vec::new();
+    let scene = plan::load(&args.scene, picture, work, &mut warnings)?;
+    let outputs = if args.output.is_empty() { vec![output::default_output(&scene)] } else { args.output.clone() };
+    for output in &outputs {
+        image::check_target(output)?;
+    }
+    let load_time = start.elapsed();
+    if interrupt::asked() {
+        return Ok(ExitCode::from(130));
+    }
+    let n_primitives = scene.n_primitives();
+    let stage = Stage::new(scene, picture, work)?;
+    let layers = plan::layers(&args.layers, &outputs);
+    let what = format!("a picture of {}x{} with its scene", stage.size.width, stage.size.height);
+    plan::within_memory(&what, stage.memory_with(&layers), work)?;
+
+    let choice = method::choose(picture.method);
+    let lighting = method::light(&stage, picture, choice);
+    warnings.extend(lighting.warnings.iter().map(|(name, message)| Warning {
+        name,
+        path: PathBuf::from(&args.scene),
+        message: message.clone(),
+    }));
+    if !work.quiet {
+        output::say_warnings(&warnings);
+    }
+    let watch = Watch::new("render", choice, work);
+    let drawing = method::draw(&stage, picture, choice, &lighting, &layers, &watch)?;
+    let trace_time = watch.finish();
+
+    let options = image::Options {
+        tone_map: output::tone_map(picture, stage.world.scene(), lighting.is_default),
+        png_depth: if args.bits == args::Bits::Sixteen { PngDepth::Sixteen } else { PngDepth::Eight },
+        exr_depth: if args.half { ExrDepth::Half } else { ExrDepth::Single },
+    };
+    let exposure = options.tone_map.prepare(&drawing.film).factor;
+    let recipe = output::recipe(&args.scene, picture, &stage, choice, drawing.done);
+    for output in &outputs {
+        image::write(&drawing.film, output, &recipe, &options)?;
+    }
+
+    let (world, unit) = (&stage.world, choice.unit());
+    let rate = drawing.count as f64 * 1e-6 / trace_time.as_secs_f64().max(1e-9);
+    if !work.quiet {
+        let seconds = |d: Duration| format!("{:.2} s", d.as_secs_f64());
+        let mut lines = Vec::new();
+        if let Some(why) = choice.why {
+            lines.push(format!("method      {} ({why})", choice.name()));
+        }
+        lines.push(format!("scene       {} primitives, {} instances", n_primitives, world.scene().instances.len()));
+        lines.push(format!(
+            "camera      {:?}, {}x{}, {} samples a pixel",
+            stage.camera.name, stage.size.width, stage.size.height, picture.spp
+        ));
+        lines.push(format!("exposure    {exposure}"));
+        lines.push(format!(
+            "time        load {}, build {}, trace {} ({rate:.2} M{unit}/s, {} kernels)",
+            seconds(load_time),
+            seconds(stage.build_time),
+            seconds(trace_time),
+            world.cpu_path()
+        ));
+        if drawing.done < 1.0 {
+            let done = drawing.done * 100.0;
+            lines.push(format!("unfinished  {done:.1} % of the picture is done; run it again to have all of it"));
+        }
+        for output in &outputs {
+            lines.push(format!("wrote       {}", output.display()));
+        }
+        tell(&lines.join("\n"));
+    }
+    if json {
+        let mut report = json!({
+            "scene": world.scene().name,
+            "method": choice.name(),
+            "why": choice.why,
+            "camera": stage.camera.name,
+            "size": [stage.size.width, stage.size.height],
+            "spp": picture.spp,
+            "seed": picture.seed,
+            "cpu_path": world.cpu_path().to_string(),
+            "quantity": output::quantity_name(world.scene().quantity),
+            "primitives": n_primitives,
+            "instances": world.scene().instances.len(),
+            "seconds": {
+                "load": load_time.as_secs_f64(), "build": stage.build_time.as_secs_f64(), "trace": trace_time.as_secs_f64(),
+                "total": start.elapsed().as_secs_f64(),
+            },
+            "exposure": exposure,
+            "mean_radiance": output::mean(&drawing.film),
+            "done": drawing.done,
+            "warnings": output::warnings_json(&warnings),
+            "outputs": outputs,
+        });
+        report[unit] = drawing.count.into();
+        report[format!("m{unit}_per_second")] = rate.into();
+        crate::version::say(&report.to_string());
+    }
+    Ok(if interrupt::asked() { ExitCode::from(130) } else { ExitCode::SUCCESS })
+}

@@ -1,0 +1,202 @@
+//! Everything before the first ray: the scene, the camera, the size of the picture, the layers, the memory.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use radiosa::film::{self, Film, Layer};
+use radiosa::import::{self, Warning};
+use radiosa::math::{CpuPath, DMat3};
+use radiosa::scene::{Camera, Environment, EnvironmentRadiance, Filter, Projection, Scene};
+use radiosa::spectrum::Spectrum;
+use radiosa::transport::{View, World, framing};
+
+use crate::args::{self, OnOff, Picture, Size, TextureFilter, Work};
+use crate::error::Error;
+
+/// A scene ready to be drawn, from one camera at one size.
+pub(crate) struct Stage {
+    pub(crate) world: World,
+    pub(crate) camera: Camera,
+    pub(crate) size: Size,
+    pub(crate) view: View,
+    /// About what the prepared scene takes, bytes.
+    pub(crate) memory: u64,
+    /// Preparing the world took this long.
+    pub(crate) build_time: Duration,
+}
+
+impl Stage {
+    /// Prepares a scene.
+    ///
+    /// # Errors
+    /// When it takes too much memory, is wrong, or has no such camera.
+    pub(crate) fn new(scene: Scene, picture: &Picture, work: &Work) -> Result<Self, Error> {
+        let cpu_path = cpu_path(work.cpu_path)?;
+        // About what the prepared world takes a primitive, and the pictures.
+        let memory = scene.n_primitives() * 230 + scene.images.iter().map(image_bytes).sum::<u64>();
+        within_memory("the scene", memory, work)?;
+        let start = Instant::now();
+        let world = World::prepare(scene, cpu_path)?;
+        let build_time = start.elapsed();
+        let (camera, size) = camera_and_size(&world, picture)?;
+        let view = View::new(&camera, world.origin(), size.width, size.height);
+        Ok(Self { world, camera, size, view, memory, build_time })
+    }
+
+    /// What the scene and a film with these layers take, bytes; writing holds a copy of the film.
+    pub(crate) fn memory_with(&self, layers: &[Layer]) -> u64 {
+        self.memory + 2 * Film::memory(self.size.width, self.size.height, layers)
+    }
+}
+
+/// An error when something of a known size is more than what is allowed.
+pub(crate) fn within_memory(what: &str, needed: u64, work: &Work) -> Result<(), Error> {
+    if needed <= work.max_memory {
+        return Ok(());
+    }
+    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+    Err(Error::failed(
+        format!("{what} takes about {} MiB, more than the {} MiB allowed", mib(needed), mib(work.max_memory)),
+        "ask for a smaller --size, fewer --layers, or a larger --max-memory",
+    ))
+}
+
+fn image_bytes(image: &radiosa::scene::Image) -> u64 {
+    use radiosa::scene::Pixels;
+    match &image.pixels {
+        Pixels::Rgba8(p) => p.len() as u64,
+        Pixels::Rgba16(p) => 2 * p.len() as u64,
+        Pixels::Rgba32F(p) => 4 * p.len() as u64,
+    }
+}
+
+/// The instruction set asked for.
+///
+/// # Errors
+/// When this processor lacks it.
+pub(crate) fn cpu_path(choice: args::CpuPath) -> Result<CpuPath, Error> {
+    let best = CpuPath::detect();
+    match choice {
+        args::CpuPath::Auto => Ok(best),
+        args::CpuPath::Portable => Ok(CpuPath::Portable),
+        args::CpuPath::Avx2 if best == CpuPath::Avx2 => Ok(best),
+        args::CpuPath::Avx2 => Err(Error::failed("this processor has no AVX2 with FMA", "use --cpu-path portable")),
+    }
+}
+
+/// The scene, built in or from a file, with what the command line changes.
+pub(crate) fn load(name: &str, picture: &Picture, work: &Work, warnings: &mut Vec<Warning>) -> Result<Scene, Error> {
+    let options = import::Options { allow_outside: work.allow_outside.clone(), max_memory: work.max_memory };
+    let path = Path::new(name);
+    let mut scene = if let Some(scene) = import::sample::load(name) {
+        scene
+    } else if path.exists() || path.extension().is_some() {
+        let (scene, found) = import::load(path, &options)?;
+        warnings.extend(found);
+        scene
+    } else {
+        return Err(crate::scenes::unknown(name));
+    };
+    if picture.up.is_some() || picture.scale.is_some() {
+        let up = match picture.up {
+            // Turns +z up into +y up.
+            Some(args::Up::Z) => DMat3::from_rotation_x(-std::f64::consts::FRAC_PI_2),
+            _ => DMat3::IDENTITY,
+        };
+        scene.transform(up, picture.scale.unwrap_or(1.0));
+    }
+    if let Some(ambient) = picture.ambient {
+        scene.ambient = ambient.into();
+    }
+    if let Some(background) = picture.background {
+        scene.background = background.into();
+    }
+    match picture.environment.as_deref() {
+        None => {}
+        Some("none") => scene.environment = None,
+        Some(text) => scene.environment = Some(environment(text, &mut scene, &options)?),
+    }
+    match picture.texture_filter {
+        TextureFilter::Scene => {}
+        TextureFilter::Nearest => scene.set_texture_filter(Filter::Nearest),
+        TextureFilter::Bilinear => scene.set_texture_filter(Filter::Bilinear),
+    }
+    if picture.blending == OnOff::Off {
+        scene.remove_transparency();
+    }
+    Ok(scene)
+}
+
+fn environment(text: &str, scene: &mut Scene, options: &import::Options) -> Result<Environment, Error> {
+    let constant = args::parse_color(text).ok().filter(|_| !Path::new(text).exists());
+    let (radiance, scale) = match constant {
+        Some(radiance) => (EnvironmentRadiance::Constant, radiance.into()),
+        None => {
+            let id = radiosa::scene::ImageId(scene.images.len() as u32);
+            scene.images.push(import::load_picture(Path::new(text), options)?);
+            (EnvironmentRadiance::Map(id), Spectrum::WHITE)
+        }
+    };
+    Ok(Environment { radiance, scale, ..Environment::default() })
+}
+
+fn camera_and_size(world: &World, picture: &Picture) -> Result<(Camera, Size), Error> {
+    let cameras = &world.scene().cameras;
+    let chosen = match picture.camera.as_deref() {
+        None => cameras.first(),
+        Some("auto") => None,
+        Some(name) => Some(
+            cameras
+                .iter()
+                .find(|c| c.name == name)
+                .or_else(|| name.parse::<usize>().ok().and_then(|i| cameras.get(i)))
+                .ok_or_else(|| no_camera(name, cameras))?,
+        ),
+    };
+    let aspect = match chosen {
+        Some(Camera { projection: Projection::Panoramic, .. }) => 2.0,
+        Some(camera) => camera.aspect.filter(|a| (0.05..=20.0).contains(a)).unwrap_or(16.0 / 9.0),
+        None => 4.0 / 3.0,
+    };
+    let size = picture.size.unwrap_or_else(|| {
+        let long = 800.0;
+        let (w, h) = if aspect >= 1.0 { (long, long / aspect) } else { (long * aspect, long) };
+        Size { width: (w.round() as u32).max(1), height: (h.round() as u32).max(1) }
+    });
+    let camera = chosen.cloned().unwrap_or_else(|| framing::automatic(world, f64::from(size.width) / f64::from(size.height)));
+    Ok((camera, size))
+}
+
+fn no_camera(name: &str, cameras: &[Camera]) -> Error {
+    let help = if cameras.is_empty() {
+        "the scene has none: leave --camera away, or use \"auto\"".to_owned()
+    } else {
+        let names: Vec<String> = cameras.iter().enumerate().map(|(i, c)| format!("{i} {:?}", c.name)).collect();
+        format!("it has {}", names.join(", "))
+    };
+    Error::failed(format!("the scene has no camera {name:?}"), help)
+}
+
+/// What the film keeps: everything asked for when a file with layers is written, the colour alone otherwise.
+pub(crate) fn layers(choices: &[args::LayerChoice], outputs: &[PathBuf]) -> Vec<Layer> {
+    let mut layers = vec![Layer::Color, Layer::Alpha];
+    let wants_layers = outputs.iter().any(|o| o.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr")));
+    if !wants_layers {
+        return layers;
+    }
+    for choice in choices {
+        use args::LayerChoice as C;
+        layers.extend_from_slice(match choice {
+            C::All => &Layer::ALL,
+            C::None => &[],
+            C::Lobe => film::Decomposition::Lobe.layers(),
+            C::Path => film::Decomposition::Path.layers(),
+            C::Albedo => &[Layer::Albedo],
+            C::Normal => &[Layer::Normal],
+            C::Depth => &[Layer::Depth],
+            C::Position => &[Layer::Position],
+            C::Object => &[Layer::ObjectId],
+        });
+    }
+    layers
+}
