@@ -3,7 +3,7 @@
 mod picture;
 mod value;
 
-pub(crate) use picture::{Cull, Filter, Interpolation, Method, OnOff, Picture, TextureFilter, ToneMap, Up, Viewer};
+pub(crate) use picture::{Cull, Filter, Fresnel, Interpolation, Method, OnOff, Picture, TextureFilter, ToneMap, Up, Viewer};
 pub(crate) use value::{Emitters, Exposure, Size, parse_color};
 
 use std::path::PathBuf;

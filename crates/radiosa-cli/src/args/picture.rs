@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 
-use super::value::{Emitters, Exposure, Size, parse_color, parse_scale};
+use super::value::{Emitters, Exposure, Size, parse_color, parse_fraction, parse_scale};
 
 /// Everything that decides about the light in a picture, whatever is done with it.
 #[derive(Args, Clone, Debug)]
@@ -42,6 +42,31 @@ pub(crate) struct Picture {
     /// Rings of the faces scan line makes of a sphere
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(2..=1024))]
     pub(crate) tessellation: u32,
+
+    /// Mirrors and glass Whitted ray tracing follows in a row
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(0..=64))]
+    pub(crate) max_depth: u32,
+
+    /// Whitted ray tracing leaves out a ray of which less than this would reach the picture [default: 1/1024]
+    #[arg(long, value_name = "X", default_value_t = 1.0 / 1024.0, value_parser = parse_fraction, hide_default_value = true)]
+    pub(crate) min_weight: f32,
+
+    /// Whether Fresnel's equations weigh the constants k_r and k_t in Whitted ray tracing
+    #[arg(long, value_enum, default_value_t = Fresnel::Material)]
+    pub(crate) fresnel: Fresnel,
+
+    /// Light passes transparent things straight on its way from a lamp (Whitted ray tracing); off: they cast full shadows, as in 1980
+    #[arg(long, value_enum, default_value_t = OnOff::On)]
+    pub(crate) transparent_shadows: OnOff,
+
+    /// Rays of each rough reflection and random points of emissive surfaces (Whitted ray tracing); 0: fixed points, one ray
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=4096))]
+    pub(crate) samples: u32,
+
+    /// Sample the corners of pixels, and more where they differ by more than this part of white, instead of --spp (ray casting and Whitted
+    /// ray tracing) [0.1 when no number is given]
+    #[arg(long, value_name = "THRESHOLD", num_args = 0..=1, default_missing_value = "0.1", value_parser = parse_fraction)]
+    pub(crate) adaptive: Option<f32>,
 
     /// Shadow rays (scan line has none)
     #[arg(long, value_enum, default_value_t = OnOff::On)]
@@ -106,8 +131,18 @@ pub(crate) enum Method {
     Auto,
     /// One ray a pixel sample, local reflection models, shadow rays
     Raycast,
+    /// Ray casting that follows mirrors and glass
+    Whitted,
     /// Faces projected, scan converted and z-buffered; local reflection models, no shadows
     Scanline,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Fresnel {
+    /// Where the material says so
+    Material,
+    On,
+    Off,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]

@@ -103,3 +103,13 @@ pub(crate) fn parse_memory(s: &str) -> Result<u64, String> {
     let value: f64 = s[..split].parse().map_err(|_| advice())?;
     if value.is_finite() && value > 0.0 { Ok((value * (1u64 << shift) as f64) as u64) } else { Err(advice()) }
 }
+
+/// A number from 0 to 1, or a quotient such as 1/256.
+pub(crate) fn parse_fraction(s: &str) -> Result<f32, String> {
+    let number = |t: &str| t.trim().parse::<f32>().ok();
+    let value = match s.split_once('/') {
+        Some((a, b)) => number(a).zip(number(b)).map(|(a, b)| a / b),
+        None => number(s),
+    };
+    value.filter(|v| (0.0..=1.0).contains(v)).ok_or_else(|| "give a number from 0 to 1, such as 0.1 or 1/256".into())
+}

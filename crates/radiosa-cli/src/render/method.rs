@@ -4,11 +4,12 @@ use std::time::{Duration, Instant};
 
 use radiosa::emitter::EnvironmentShadows;
 use radiosa::film::{self, Film, Layer};
-use radiosa::raytrace::{RayCast, ray_cast, tiles};
+use radiosa::raytrace::{RayCast, Whitted, adaptive, ray_cast, tiles, whitted};
 use radiosa::scanline::{self, ScanLine};
-use radiosa::scene::Light;
-use radiosa::transport::{self, Solver, Step, World, default_light};
+use radiosa::scene::{Light, Material, Model};
+use radiosa::transport::{self, Integrator, Solver, Step, View, World, default_light};
 
+use super::output;
 use super::plan::Stage;
 use crate::args::{self, Method, OnOff, Picture, Work};
 use crate::error::Error;
@@ -24,11 +25,24 @@ pub(crate) struct Choice {
 }
 
 /// Decides about `auto`.
-pub(crate) fn choose(asked: Method) -> Choice {
+pub(crate) fn choose(asked: Method, world: &World) -> Choice {
     match asked {
-        Method::Auto => Choice { method: Method::Raycast, why: Some("ray casting is the only method so far that casts shadows") },
+        Method::Auto if world.scene().materials.iter().any(reflects_or_refracts) => {
+            Choice { method: Method::Whitted, why: Some("the scene has mirrors or glass") }
+        }
+        Method::Auto => Choice { method: Method::Raycast, why: Some("the scene has neither mirrors nor glass") },
         method => Choice { method, why: None },
     }
+}
+
+/// True for mirrors, glass, and metals that are nearly mirrors.
+fn reflects_or_refracts(material: &Material) -> bool {
+    material.transmits()
+        || match &material.model {
+            Model::Phong(m) => !m.mirror.is_black(),
+            Model::CookTorrance(_) => false,
+            Model::MetallicRoughness(m) => m.metallic.factor > 0.5 && m.roughness.factor < 0.2 && !material.unlit,
+        }
 }
 
 impl Choice {
@@ -36,6 +50,7 @@ impl Choice {
     pub(crate) fn name(self) -> &'static str {
         match self.method {
             Method::Auto | Method::Raycast => "raycast",
+            Method::Whitted => "whitted",
             Method::Scanline => "scanline",
         }
     }
@@ -43,7 +58,7 @@ impl Choice {
     /// What its work is counted in.
     pub(crate) fn unit(self) -> &'static str {
         match self.method {
-            Method::Auto | Method::Raycast => "rays",
+            Method::Auto | Method::Raycast | Method::Whitted => "rays",
             Method::Scanline => "triangles",
         }
     }
@@ -126,10 +141,24 @@ pub(crate) fn draw(
     let (world, view) = (&stage.world, &stage.view);
     let sampling = sampling(stage, picture, layers);
     match choice.method {
-        Method::Auto | Method::Raycast => {
-            let mut render = tiles::TiledRender::new(&lighting.ray_cast, view, sampling)?;
-            let done = watch.run(&mut render, world, tiles::TiledRender::n_rays);
-            Ok(Drawing { done, count: render.n_rays(), film: render.into_film() })
+        Method::Auto | Method::Raycast => trace(&lighting.ray_cast, stage, picture, lighting, sampling, watch),
+        Method::Whitted => {
+            let settings = whitted::Settings {
+                shadows: picture.shadows == OnOff::On,
+                transparent_shadows: picture.transparent_shadows == OnOff::On,
+                max_depth: picture.max_depth,
+                min_weight: picture.min_weight,
+                fresnel: match picture.fresnel {
+                    args::Fresnel::Material => whitted::Fresnel::Material,
+                    args::Fresnel::On => whitted::Fresnel::On,
+                    args::Fresnel::Off => whitted::Fresnel::Off,
+                },
+                samples: picture.samples,
+                lights: light_settings(picture),
+                viewer: viewer(picture),
+                extra_lights: lighting.extra_lights.clone(),
+            };
+            trace(&Whitted::new(world, &settings, view.forward()), stage, picture, lighting, sampling, watch)
         }
         Method::Scanline => {
             let settings = scanline::Settings {
@@ -152,6 +181,46 @@ pub(crate) fn draw(
             Ok(Drawing { done, count: render.n_triangles(), film: render.into_film() })
         }
     }
+}
+
+/// Draws by rays: a fixed number of samples a pixel, or more where they differ.
+fn trace(
+    method: &impl Integrator,
+    stage: &Stage,
+    picture: &Picture,
+    lighting: &Lighting,
+    sampling: film::Sampling,
+    watch: &Watch,
+) -> Result<Drawing, Error> {
+    let (world, view) = (&stage.world, &stage.view);
+    let Some(threshold) = picture.adaptive else {
+        let mut render = tiles::TiledRender::new(method, view, sampling)?;
+        let done = watch.run(&mut render, world, tiles::TiledRender::n_rays);
+        return Ok(Drawing { done, count: render.n_rays(), film: render.into_film() });
+    };
+    let settings = adaptive::Settings {
+        width: sampling.width,
+        height: sampling.height,
+        threshold,
+        white: white(stage, picture, lighting)?,
+        max_level: 4,
+        seed: sampling.seed,
+        layers: sampling.layers,
+    };
+    let mut render = adaptive::AdaptiveRender::new(method, view, settings)?;
+    let done = watch.run(&mut render, world, adaptive::AdaptiveRender::n_rays);
+    Ok(Drawing { done, count: render.n_rays(), film: render.into_film() })
+}
+
+/// The radiance that will show as white, by a small picture: the exposure may depend on what is seen.
+fn white(stage: &Stage, picture: &Picture, lighting: &Lighting) -> Result<f32, Error> {
+    let (width, height) = (stage.size.width.min(96), stage.size.height.min(72));
+    let view = View::new(&stage.camera, stage.world.origin(), width, height);
+    let sampling = film::Sampling { width, height, spp: 1, filter: film::Filter::Box, seed: 0, layers: vec![Layer::Color] };
+    let mut render = tiles::TiledRender::new(&lighting.ray_cast, &view, sampling)?;
+    while let Step::Working { .. } = render.step(&stage.world) {}
+    let tone_map = output::tone_map(picture, stage.world.scene(), lighting.is_default);
+    Ok(1.0 / tone_map.prepare(render.solution()).factor.max(f32::MIN_POSITIVE))
 }
 
 /// Who waits for a picture: shows how far it is, and ends it early.

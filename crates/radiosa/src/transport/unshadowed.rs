@@ -278,20 +278,15 @@ fn light_on<C: Cpu>(batch: &Batch, model: Model, emitters: &[Emitter], sums: &mu
 /// Irradiance from everywhere at once, lane by lane: the diffuse lobe as seen head-on.
 #[inline(always)]
 fn without_direction<L: Lanes>(points: &mut Points<L>, batch: &Batch, emitter: &Emitter) {
-    let mut sum: Rgb8 = [[0.0; 8]; 3];
-    for i in 0..8 {
+    let coat = |i: usize| if points.model == Model::MetallicRoughness { 1.0 - batch.coat[i] * batch.f0[i] } else { 1.0 };
+    let light: [[f32; 3]; 8] = std::array::from_fn(|i| {
         let n = Vec3::new(batch.n[0][i], batch.n[1][i], batch.n[2][i]);
-        let coat = if points.model == Model::MetallicRoughness { 1.0 - batch.coat[i] * batch.f0[i] } else { 1.0 };
-        let light = lambertian_radiance(Spectrum::gray(coat), emitter.irradiance(n)).to_array();
-        for k in 0..3 {
-            sum[k][i] = light[k];
-        }
-    }
-    for k in 0..3 {
-        points.diffuse[k] = points.diffuse[k].add(L::load(&sum[k]));
+        lambertian_radiance(Spectrum::gray(coat(i)), emitter.irradiance(n)).to_array()
+    });
+    for (k, sum) in points.diffuse.iter_mut().enumerate() {
+        *sum = sum.add(L::load(&light.map(|l| l[k])));
     }
 }
-
 impl<L: Lanes> Points<L> {
     /// Unit direction and distance to a place, and whether there is one.
     #[inline(always)]
