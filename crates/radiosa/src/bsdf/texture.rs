@@ -36,21 +36,34 @@ pub fn sample_image(image: &Image, sampler: Sampler, is_srgb: bool, uv: Vec2) ->
     let (x, y) = (place(uv.x, image.width, sampler.wrap_u), place(uv.y, image.height, sampler.wrap_v));
     let column = |i: i64| wrap_index(i, i64::from(image.width), sampler.wrap_u);
     let row = |j: i64| wrap_index(j, i64::from(image.height), sampler.wrap_v) * image.width as usize;
-    let at = |i: usize, j: usize| texel(image, is_srgb, j + i);
-    match sampler.filter {
-        Filter::Nearest => at(column(floor(x)), row(floor(y))),
-        Filter::Bilinear => {
-            let (x, y) = (x - 0.5, y - 0.5);
-            let (i, j) = (floor(x), floor(y));
-            let (s, t) = ((x - i as f64) as f32, (y - j as f64) as f32);
-            let (i0, i1, j0, j1) = (column(i), column(i + 1), row(j), row(j + 1));
-            let (a, b, c, d) = (at(i0, j0), at(i1, j0), at(i0, j1), at(i1, j1));
-            std::array::from_fn(|k| {
-                let (top, bottom) = (a[k] + s * (b[k] - a[k]), c[k] + s * (d[k] - c[k]));
-                top + t * (bottom - top)
-            })
+    let read = |texel: &dyn Fn(usize) -> [f32; 4]| texel(row(floor(y)) + column(floor(x)));
+    let nearest = sampler.filter == Filter::Nearest;
+    let (i, j) = (floor(x - 0.5), floor(y - 0.5));
+    let (s, t) = ((x - 0.5 - i as f64) as f32, (y - 0.5 - j as f64) as f32);
+    // The kind of picture is decided once for all four texels.
+    match &image.pixels {
+        Pixels::Rgba8(values) => {
+            let table = if is_srgb { srgb::byte_table() } else { linear_table() };
+            let texel = |i: usize| rgba8(values, table, i);
+            if nearest { read(&texel) } else { bilinear([column(i), column(i + 1)], [row(j), row(j + 1)], s, t, texel) }
+        }
+        _ => {
+            let texel = |i: usize| texel(image, is_srgb, i);
+            if nearest { read(&texel) } else { bilinear([column(i), column(i + 1)], [row(j), row(j + 1)], s, t, texel) }
         }
     }
+}
+
+/// The mean of the four texels around a point, weighed by how near they are.
+#[inline(always)]
+fn bilinear(columns: [usize; 2], rows: [usize; 2], s: f32, t: f32, texel: impl Fn(usize) -> [f32; 4]) -> [f32; 4] {
+    let [i, k] = columns;
+    let [j, l] = rows;
+    let (a, b, c, d) = (texel(j + i), texel(j + k), texel(l + i), texel(l + k));
+    std::array::from_fn(|k| {
+        let (top, bottom) = (a[k] + s * (b[k] - a[k]), c[k] + s * (d[k] - c[k]));
+        top + t * (bottom - top)
+    })
 }
 
 /// The largest whole number not above `x`, which is within ±2⁶²: the baseline processor has no instruction for it, and calling for it here is slow.
@@ -88,18 +101,30 @@ fn wrap_index(i: i64, n: i64, wrap: Wrap) -> usize {
     i as usize
 }
 
+/// Texel `i` of bytes, its colour decoded by a table.
+#[inline(always)]
+fn rgba8(values: &[u8], table: &[f32; 256], i: usize) -> [f32; 4] {
+    let p = &values[4 * i..4 * i + 4];
+    [table[usize::from(p[0])], table[usize::from(p[1])], table[usize::from(p[2])], linear_table()[usize::from(p[3])]]
+}
+
+/// Bytes as numbers between 0 and 1.
+fn linear_table() -> &'static [f32; 256] {
+    static TABLE: [f32; 256] = {
+        let mut table = [0.0; 256];
+        let mut i = 0;
+        while i < 256 {
+            table[i] = i as f32 / 255.0;
+            i += 1;
+        }
+        table
+    };
+    &TABLE
+}
+
 fn texel(image: &Image, is_srgb: bool, i: usize) -> [f32; 4] {
     match &image.pixels {
-        Pixels::Rgba8(values) => {
-            let p = &values[4 * i..4 * i + 4];
-            let alpha = f32::from(p[3]) / 255.0;
-            if is_srgb {
-                let table = srgb::byte_table();
-                [table[usize::from(p[0])], table[usize::from(p[1])], table[usize::from(p[2])], alpha]
-            } else {
-                [f32::from(p[0]) / 255.0, f32::from(p[1]) / 255.0, f32::from(p[2]) / 255.0, alpha]
-            }
-        }
+        Pixels::Rgba8(values) => rgba8(values, if is_srgb { srgb::byte_table() } else { linear_table() }, i),
         Pixels::Rgba16(values) => {
             let p: [f32; 4] = std::array::from_fn(|k| f32::from(values[4 * i + k]) / 65_535.0);
             if is_srgb { [srgb::decode(p[0]), srgb::decode(p[1]), srgb::decode(p[2]), p[3]] } else { p }

@@ -276,17 +276,17 @@ impl Drawing<'_> {
                 if facet.lit_as.is_none() {
                     facet.lit_as = Some(lit.n_points());
                     if interpolation == Interpolation::Flat {
-                        self.push(lit, &facet.middle(world), Textures::Ignored);
+                        self.push(lit, &facet.middle(world));
                     } else {
                         for corner in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
-                            self.push(lit, &facet.surface(world, corner, false), Textures::Ignored);
+                            self.push(lit, &facet.surface(world, corner, false));
                         }
                     }
                 }
             }
         }
         let corners = if interpolation == Interpolation::Phong { &[] } else { lit.finish() };
-        let mut points = Vec::new();
+        let mut points = Vec::with_capacity(asked.len());
         for a in asked.iter() {
             let facet = self.facet(facets, a.item);
             let weights = facet.at(a.x, a.y);
@@ -304,8 +304,18 @@ impl Drawing<'_> {
             }
             points.push(surface);
         }
-        for surface in &points {
-            let (shading, glass) = self.shading(surface, Textures::Sampled);
+        for (surface, a) in points.iter().zip(asked.iter()) {
+            let material = world.material_at(surface);
+            let is_opaque = self.triangles[a.item as usize].kind != Kind::Transparent as u8;
+            if interpolation != Interpolation::Phong && is_opaque && !wants_data && !material.unlit && !material.is_emissive() {
+                shown.push(Shown { emission: Spectrum::BLACK, coverage: 1.0, glass: Spectrum::BLACK });
+                continue;
+            }
+            let mut shading = self.shading(surface, Textures::Sampled);
+            let glass = if is_opaque { Spectrum::BLACK } else { shading.straight_transmission() };
+            if self.method.viewer == Viewer::Infinite {
+                shading.wo = -self.method.projection.forward().as_vec3();
+            }
             if interpolation == Interpolation::Phong {
                 lit.push(surface, &shading);
             }
@@ -320,22 +330,22 @@ impl Drawing<'_> {
         }
     }
 
-    /// A surface as the eye sees it, with what passes straight through it.
-    fn shading(&self, surface: &Surface, textures: Textures) -> (Shading, Spectrum) {
+    /// A surface as the eye sees it.
+    fn shading(&self, surface: &Surface, textures: Textures) -> Shading {
         let projection = &self.method.projection;
         let forward = projection.forward().as_vec3();
         let to_eye = projection.eye().as_vec3() - surface.p;
         let wo = if projection.is_perspective() { to_eye.try_normalize().unwrap_or(-forward) } else { -forward };
-        let mut shading = self.world.shading_with(surface, wo, textures);
-        let glass = shading.straight_transmission();
-        if self.method.viewer == Viewer::Infinite {
-            shading.wo = -forward;
-        }
-        (shading, glass)
+        self.world.shading_with(surface, wo, textures)
     }
 
-    fn push(&self, lit: &mut Unshadowed<'_>, surface: &Surface, textures: Textures) {
-        lit.push(surface, &self.shading(surface, textures).0);
+    /// Asks for the light at a vertex, before textures.
+    fn push(&self, lit: &mut Unshadowed<'_>, surface: &Surface) {
+        let mut shading = self.shading(surface, Textures::Ignored);
+        if self.method.viewer == Viewer::Infinite {
+            shading.wo = -self.method.projection.forward().as_vec3();
+        }
+        lit.push(surface, &shading);
     }
 
     fn data(&self, surface: &Surface, shading: &Shading) -> Data {
