@@ -8,9 +8,10 @@ use std::f64::consts::PI;
 use radiosa::bsdf::{Bsdf, FactorsOnly};
 use radiosa::emitter::environment::Sky;
 use radiosa::emitter::{Emitter, EnvironmentShadows, area};
-use radiosa::film::{Filter, Layer};
+use radiosa::film::{Filter, Layer, Sampling};
 use radiosa::math::{CpuPath, DAffine3, DMat3, DQuat, DVec3, Vec3};
 use radiosa::raytrace::{Integrator, RayCast, Whitted, ray_cast, tiles, whitted};
+use radiosa::scanline::{self, ScanLine};
 use radiosa::scene::{
     Attenuation, Camera, ColorMap, Cone, CookTorrance, Directional, Distribution, Environment, EnvironmentRadiance, Form,
     Fresnel, Geometry, Instance, InstanceId, Light, LightKind, Material, MaterialId, Mesh, MeshId, MetallicRoughness, Model,
@@ -603,6 +604,20 @@ fn by_whitted(case: &Case) -> Rgb {
     })
 }
 
+/// Scan line at every interpolation; it has no shadows, so nothing hides its lights.
+fn by_scan_line(case: &Case, interpolation: scanline::Interpolation) -> Option<Rgb> {
+    if case.hidden {
+        return None;
+    }
+    let world = World::prepare(case.scene.clone(), CpuPath::detect()).expect("the case is valid");
+    let view = View::new(&world.scene().cameras[0], world.origin(), 1, 1);
+    let settings = scanline::Settings { interpolation, lights: case.settings(), ..scanline::Settings::default() };
+    let sampling = Sampling { width: 1, height: 1, spp: 1, filter: Filter::Box, seed: 0, layers: vec![Layer::Color] };
+    let mut render = ScanLine::new(&world, &view, &settings, sampling).expect("it can be drawn");
+    while let Step::Working { .. } = render.step(&world) {}
+    Some(rgb(render.into_film().color(0, 0)))
+}
+
 fn one_pixel<I: Integrator>(case: &Case, method: impl FnOnce(&World, Vec3) -> I) -> Rgb {
     let world = World::prepare(case.scene.clone(), CpuPath::detect()).expect("a valid scene");
     let view = View::new(&world.scene().cameras[0], world.origin(), 1, 1);
@@ -615,10 +630,11 @@ fn one_pixel<I: Integrator>(case: &Case, method: impl FnOnce(&World, Vec3) -> I)
 
 /// The methods that the table holds for: each gives the pixel, or `None` where it does not apply.
 type Method = fn(&Case) -> Option<Rgb>;
-const METHODS: [(&str, Method); 6] = [
+const METHODS: [(&str, Method); 7] = [
     ("emitters and lobes", by_hand),
     ("ray casting", |case| Some(by_ray_casting(case, true))),
     ("Whitted", |case| Some(by_whitted(case))),
+    ("scan line, Phong", |case| by_scan_line(case, scanline::Interpolation::Phong)),
     ("ray casting from behind", |case| {
         // Reflection works on both sides: what is seen and lit from behind looks the same.
         let mut case = case.copy();

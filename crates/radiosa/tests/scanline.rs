@@ -5,10 +5,11 @@ use std::path::Path;
 use radiosa::film::tone_map::{Curve, Exposure, ToneMap};
 use radiosa::film::{Decomposition, Film, Filter, Layer, Sampling};
 use radiosa::import::{Options, load, sample};
-use radiosa::math::CpuPath;
+use radiosa::math::{CpuPath, DAffine3, DVec3};
 use radiosa::raytrace::{RayCast, ray_cast, tiles};
 use radiosa::scanline::{self, ScanLine};
 use radiosa::scene::{self, Quantity, Scene};
+use radiosa::spectrum::Spectrum;
 use radiosa::transport::{Emitters, LightSettings, Solver, Step, View, World, default_light, framing};
 
 fn sampling(size: (u32, u32), spp: u32, layers: &[Layer]) -> Sampling {
@@ -197,4 +198,147 @@ fn both_decompositions_sum_to_the_picture_at_every_interpolation() {
             }
         }
     }
+}
+
+/// The front half of a unit sphere of few faces under parallel light from the front, slightly aside, seen in parallel from far away: the light depends on the
+/// normal alone.
+const RINGS: u32 = 9;
+const EXPONENT: f32 = 120.0;
+
+fn sphere_setting() -> Setting {
+    let mut scene = Scene::new("sphere");
+    let model = scene::Phong {
+        diffuse: scene::ColorMap::constant(Spectrum::BLACK),
+        specular: scene::ColorMap::constant(Spectrum::WHITE),
+        exponent: scene::ScalarMap::constant(EXPONENT),
+        ..scene::Phong::default()
+    };
+    scene.materials.push(scene::Material { model: scene::Model::Phong(model), ..scene::Material::default() });
+    scene.instances.push(scene::Instance {
+        name: "sphere".into(),
+        geometry: scene::Geometry::Sphere,
+        transform: DAffine3::IDENTITY,
+        material: Some(scene::MaterialId(0)),
+        node: None,
+    });
+    let kind = scene::LightKind::Distant { to_light: to_light(), unit: scene::PhotometricUnit::Classic };
+    scene.lights.push(scene::Light::new("sun", Spectrum::WHITE, kind));
+    let projection = scene::Projection::Orthographic { height: 2.2 };
+    scene.cameras.push(scene::Camera::look_at("camera", DVec3::Z * 5.0, DVec3::ZERO, DVec3::Y, projection));
+    Setting::new(scene, 0, (201, 201), 1)
+}
+
+fn to_light() -> DVec3 {
+    DVec3::new(0.3, 0.45, 1.0).normalize()
+}
+
+/// `(r·v)^n` of a normal, with the viewer towards +z.
+fn highlight(n: DVec3) -> f64 {
+    let l = to_light();
+    let r_v = 2.0 * n.dot(l) * n.z - l.z;
+    if n.dot(l) > 0.0 && r_v > 0.0 { r_v.powf(f64::from(EXPONENT)) } else { 0.0 }
+}
+
+/// The vertices that scan line's tessellation has: rings of colatitude from +y.
+fn vertices() -> impl Iterator<Item = DVec3> {
+    (0..=RINGS).flat_map(|i| {
+        let (s, c) = (std::f64::consts::PI * f64::from(i) / f64::from(RINGS)).sin_cos();
+        (0..2 * RINGS).map(move |j| {
+            let (sin, cos) = (std::f64::consts::PI * f64::from(j) / f64::from(RINGS)).sin_cos();
+            DVec3::new(s * cos, c, s * sin)
+        })
+    })
+}
+
+#[test]
+fn gouraud_misses_a_highlight_between_vertices_flat_has_one_value_a_face_and_phong_finds_it() {
+    let setting = sphere_setting();
+    let draw =
+        |interpolation| setting.scan(scanline::Settings { interpolation, segments: RINGS, ..Default::default() }, 1, &LAYERS);
+    let greatest = |film: &Film| film.plane("G").unwrap().iter().fold(0f32, |a, b| a.max(*b));
+    // Phong: the interpolated normal passes through the halfway vector somewhere, and the light there is 1.
+    let phong = draw(scanline::Interpolation::Phong);
+    assert!((0.98..1.001).contains(&greatest(&phong)), "{}", greatest(&phong));
+    // Gouraud: nothing between vertices is brighter than the brightest of them, which the pixel next to it nearly shows.
+    let gouraud = draw(scanline::Interpolation::Gouraud);
+    let brightest = vertices().filter(|v| v.z > 0.0).map(highlight).fold(0.0, f64::max) as f32;
+    assert!(brightest < 0.7, "the highlight must lie between vertices for this to tell something: {brightest}");
+    assert!(
+        greatest(&gouraud) <= brightest * 1.0001 && greatest(&gouraud) > brightest * 0.95,
+        "{} {brightest}",
+        greatest(&gouraud)
+    );
+    // Flat: as many values as faces that face the viewer, at most; and no more than the brightest face normal gives.
+    let flat = draw(scanline::Interpolation::Flat);
+    let mut values: Vec<u32> = flat.plane("G").unwrap().iter().map(|v| v.to_bits()).collect();
+    values.sort_unstable();
+    values.dedup();
+    let front_faces = (2 * RINGS * (RINGS - 1)) as usize;
+    assert!(values.len() > 4 && values.len() <= front_faces + 1, "{} values", values.len());
+    let mut smooth: Vec<u32> = phong.plane("G").unwrap().iter().map(|v| v.to_bits()).collect();
+    smooth.sort_unstable();
+    smooth.dedup();
+    assert!(smooth.len() > 10 * front_faces, "the twin: Phong is no flat shading: {} values", smooth.len());
+}
+
+#[test]
+fn the_three_interpolations_agree_where_the_faces_are_small() {
+    let setting = sphere_setting();
+    let draw =
+        |interpolation| setting.scan(scanline::Settings { interpolation, segments: 700, ..Default::default() }, 1, &LAYERS);
+    let phong = draw(scanline::Interpolation::Phong);
+    for (interpolation, bound) in [(scanline::Interpolation::Gouraud, 0.003), (scanline::Interpolation::Flat, 0.03)] {
+        let other = draw(interpolation);
+        let error = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>() / a.len() as f32;
+        let error = error(phong.plane("G").unwrap(), other.plane("G").unwrap());
+        assert!(error < bound, "{interpolation:?}: {error}");
+    }
+}
+
+#[test]
+fn scan_line_gives_the_same_bits_at_any_thread_count() {
+    let setting = Setting::new(sample::load("room").expect("it is built in"), 0, (161, 97), 2);
+    let with = |n: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads can be had");
+        pool.install(|| setting.scan(scanline::Settings::default(), 4, &Layer::ALL))
+    };
+    let bits = |film: &Film| film.planes().iter().flat_map(|p| p.values.iter().map(|v| v.to_bits())).collect::<Vec<_>>();
+    let one = bits(&with(1));
+    for n in [2, 3, 7] {
+        assert!(bits(&with(n)) == one, "{n} threads");
+    }
+}
+
+#[test]
+fn multisampled_edges_are_those_of_ray_casting_with_as_many_samples() {
+    for name in ["parallel-plates", "phong-spheres"] {
+        let setting = Setting::new(prepared(sample::load(name).expect("it is built in")), 0, (160, 90), 1);
+        let (cast, scan) = (
+            setting.cast(16, &[Layer::Color, Layer::Alpha]),
+            setting.scan(Default::default(), 16, &[Layer::Color, Layer::Alpha]),
+        );
+        let (a, b) = (cast.plane("A").unwrap(), scan.plane("A").unwrap());
+        // A sample in a hundred may fall on the other side of an edge that passes within 1/512 pixel, or of a sphere's facets.
+        let off: f32 = a.iter().zip(b).map(|(a, b)| (a - b).abs() * 16.0).sum();
+        let edges = a.iter().filter(|a| **a > 0.0 && **a < 1.0).count().max(1) as f32 * 16.0;
+        assert!(off <= 0.02 * edges, "{name}: {off} of {edges} samples");
+        let color = |f: &Film| f.plane("G").unwrap().iter().map(|v| f64::from(*v)).sum::<f64>();
+        assert!((color(&cast) / color(&scan) - 1.0).abs() < 2e-3, "{name}: {} {}", color(&cast), color(&scan));
+    }
+}
+
+#[test]
+fn culling_leaves_out_what_is_seen_from_behind() {
+    let setting = Setting::new(sample::load("furnace").expect("it is built in"), 0, (64, 48), 1);
+    let draw = |culling| setting.scan(scanline::Settings { culling, ..Default::default() }, 1, &LAYERS);
+    let seen = |film: &Film| film.object_ids().unwrap().iter().filter(|id| **id > 0).count();
+    let all = seen(&draw(scanline::Culling::None));
+    let culled = seen(&draw(scanline::Culling::Back));
+    // A room is made of fronts; turned over, of backs (what stands in it is round and has no triangles to turn).
+    let mut turned = sample::load("furnace").expect("it is built in");
+    turned.meshes.iter_mut().for_each(|m| m.triangles.iter_mut().for_each(|t| t.swap(1, 2)));
+    let turned = Setting::new(turned, 0, (64, 48), 1);
+    let other = seen(&turned.scan(scanline::Settings { culling: scanline::Culling::Back, ..Default::default() }, 1, &LAYERS));
+    assert_eq!((all, culled), (64 * 48, 64 * 48));
+    assert!(other * 8 < all, "{other} of {all}");
 }
