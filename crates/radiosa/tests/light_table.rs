@@ -591,7 +591,7 @@ fn by_hand(case: &Case) -> Option<Rgb> {
 fn by_ray_casting(case: &Case, shadows: bool) -> Rgb {
     one_pixel(case, |world, forward| {
         let lights = case.settings();
-        let settings = ray_cast::Settings { shadows, lights, viewer: Viewer::Local, extra_lights: Vec::new() };
+        let settings = ray_cast::Settings { shadows, lights, ..ray_cast::Settings::default() };
         RayCast::new(world, &settings, forward)
     })
 }

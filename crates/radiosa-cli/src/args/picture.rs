@@ -175,6 +175,8 @@ pub(crate) enum TextureFilter {
     Scene,
     Nearest,
     Bilinear,
+    /// From smaller copies of the pictures, by the size of a pixel
+    Mipmap,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]

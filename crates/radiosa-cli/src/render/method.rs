@@ -80,8 +80,13 @@ pub(crate) struct Lighting {
 pub(crate) fn light(stage: &Stage, picture: &Picture, choice: Choice) -> Lighting {
     let (world, view) = (&stage.world, &stage.view);
     let shadows = picture.shadows == OnOff::On && choice.method != Method::Scanline;
-    let mut settings =
-        ray_cast::Settings { shadows, lights: light_settings(picture), viewer: viewer(picture), extra_lights: Vec::new() };
+    let mut settings = ray_cast::Settings {
+        shadows,
+        lights: light_settings(picture),
+        viewer: viewer(picture),
+        extra_lights: Vec::new(),
+        footprint: footprint(stage, picture),
+    };
     let mut lighting = Lighting {
         extra_lights: Vec::new(),
         ray_cast: RayCast::new(world, &settings, view.forward()),
@@ -157,6 +162,7 @@ pub(crate) fn draw(
                 lights: light_settings(picture),
                 viewer: viewer(picture),
                 extra_lights: lighting.extra_lights.clone(),
+                footprint: footprint(stage, picture),
             };
             trace(&Whitted::new(world, &settings, view.forward()), stage, picture, lighting, sampling, watch)
         }
@@ -270,6 +276,11 @@ fn sampling(stage: &Stage, picture: &Picture, layers: &[Layer]) -> film::Samplin
         seed: picture.seed,
         layers: layers.to_vec(),
     }
+}
+
+/// How wide a camera sample is; corners of pixels, when sampled adaptively, are as wide as pixels.
+fn footprint(stage: &Stage, picture: &Picture) -> transport::Footprint {
+    stage.view.footprint(if picture.adaptive.is_some() { 1 } else { picture.spp })
 }
 
 fn light_settings(picture: &Picture) -> transport::LightSettings {

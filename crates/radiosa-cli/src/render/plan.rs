@@ -120,6 +120,7 @@ pub(crate) fn load(name: &str, picture: &Picture, work: &Work, warnings: &mut Ve
         TextureFilter::Scene => {}
         TextureFilter::Nearest => scene.set_texture_filter(Filter::Nearest),
         TextureFilter::Bilinear => scene.set_texture_filter(Filter::Bilinear),
+        TextureFilter::Mipmap => scene.set_texture_filter(Filter::Mipmap),
     }
     if picture.blending == OnOff::Off {
         scene.remove_transparency();

@@ -2,8 +2,8 @@
 //!
 //! Texture coordinates have (0, 0) at the upper left corner of the picture and (1, 1) at the lower right one, as in glTF; the
 //! centre of texel (i, j) of a picture of w × h lies at ((i + 1/2)/w, (j + 1/2)/h). Colours are decoded before they are interpolated, so
-//! what lies between two texels is a mixture of light. There are no smaller copies of pictures: what is too fine for the pixels is
-//! averaged by taking more samples of them.
+//! what lies between two texels is a mixture of light. What is too fine for the pixels is averaged by taking
+//! more samples of them, or read from ever smaller copies ([`Pyramid`], [Williams83]) where the texture's filter says so.
 
 use crate::film::srgb;
 use crate::math::Vec2;
@@ -64,6 +64,88 @@ fn bilinear(columns: [usize; 2], rows: [usize; 2], s: f32, t: f32, texel: impl F
         let (top, bottom) = (a[k] + s * (b[k] - a[k]), c[k] + s * (d[k] - c[k]));
         top + t * (bottom - top)
     })
+}
+
+/// A picture's smaller copies: each half as wide and high as the one before, down to one texel.
+#[derive(Clone, Debug)]
+pub struct Pyramid {
+    copies: Vec<Image>,
+}
+
+impl Pyramid {
+    /// The copies a texture wants; `None` where its filter wants none or it is no picture.
+    pub fn of_texture(texture: &Texture, images: &[Image]) -> Option<Self> {
+        match texture.source {
+            TextureSource::Image(id) if texture.sampler.filter == Filter::Mipmap => {
+                Some(Self::new(&images[id.index()], texture.is_srgb))
+            }
+            _ => None,
+        }
+    }
+
+    /// All copies of a picture. Colours are averaged as light and stored as the picture stores them.
+    pub fn new(image: &Image, is_srgb: bool) -> Self {
+        let mut copies: Vec<Image> = Vec::new();
+        loop {
+            let last = copies.last().unwrap_or(image);
+            if last.width <= 1 && last.height <= 1 {
+                return Self { copies };
+            }
+            let half = halved(last, is_srgb);
+            copies.push(half);
+        }
+    }
+}
+
+/// A copy half as wide and high; the last column or row of an odd side is in the mean of its neighbour.
+fn halved(image: &Image, is_srgb: bool) -> Image {
+    let (width, height) = ((image.width / 2).max(1), (image.height / 2).max(1));
+    // The texels of the larger picture under one of the smaller: two, or three where its side is odd and this is the last.
+    let span = |i: u32, n: u32, half: u32| (2 * i).min(n - 1)..if i + 1 == half { n } else { 2 * i + 2 };
+    let mut values = Vec::with_capacity((width * height * 4) as usize);
+    for y in 0..height {
+        for x in 0..width {
+            let (mut sum, mut n) = ([0.0; 4], 0.0);
+            for j in span(y, image.height, height) {
+                for i in span(x, image.width, width) {
+                    let texel = texel(image, is_srgb, j as usize * image.width as usize + i as usize);
+                    sum.iter_mut().zip(texel).for_each(|(s, t)| *s += t);
+                    n += 1.0;
+                }
+            }
+            let encode = |k: usize, v: f32| if is_srgb && k < 3 { srgb::encode(v) } else { v };
+            values.extend(sum.iter().enumerate().map(|(k, s)| match image.pixels {
+                Pixels::Rgba32F(_) => s / n,
+                _ => encode(k, s / n),
+            }));
+        }
+    }
+    let pixels = match image.pixels {
+        Pixels::Rgba8(_) => Pixels::Rgba8(values.iter().map(|v| (v * 255.0).round() as u8).collect()),
+        Pixels::Rgba16(_) => Pixels::Rgba16(values.iter().map(|v| (v * 65_535.0).round() as u16).collect()),
+        Pixels::Rgba32F(_) => Pixels::Rgba32F(values.into()),
+    };
+    Image { name: image.name.clone(), width, height, pixels }
+}
+
+/// A texture's red, green, blue and alpha at `uv` from its smaller copies: `level` 0 is the picture, 1 half its size, in between a mixture.
+pub fn sample_level(scene: &Scene, reference: &TextureRef, pyramid: &Pyramid, uv: Vec2, level: f32) -> [f32; 4] {
+    let texture = &scene.textures[reference.texture.index()];
+    let (TextureSource::Image(id), true) = (&texture.source, level > 0.0) else { return sample(scene, reference, uv) };
+    let uv = reference.transform.map_or(uv, |transform| transform.apply(uv));
+    if !uv.is_finite() {
+        return sample(scene, reference, uv);
+    }
+    let level = level.min(pyramid.copies.len() as f32);
+    let (below, between) = (level as usize, level.fract());
+    let copy = |i: usize| if i == 0 { &scene.images[id.index()] } else { &pyramid.copies[i - 1] };
+    let read = |i: usize| sample_image(copy(i), texture.sampler, texture.is_srgb, uv);
+    let fine = read(below);
+    if between == 0.0 {
+        return fine;
+    }
+    let coarse = read(below + 1);
+    std::array::from_fn(|k| fine[k] + between * (coarse[k] - fine[k]))
 }
 
 /// The largest whole number not above `x`, which is within ±2⁶²: the baseline processor has no instruction for it, and calling for it here is slow.
@@ -185,6 +267,27 @@ mod tests {
         let sixteen = Image { pixels: Pixels::Rgba16([32_768; 8][..].into()), ..two_texels() };
         let [r, .., a] = sample_image(&sixteen, smooth, true, Vec2::ZERO);
         assert!((r - 0.214_05).abs() < 1e-4 && (a - 0.5).abs() < 1e-4);
+    }
+
+    #[test]
+    fn smaller_copies_keep_the_mean_light_and_a_level_between_is_a_mixture() {
+        // 5 × 3 texels, black and white in checks, sRGB: copies of 2 × 1 and 1 × 1.
+        let bytes: Vec<u8> = (0..15u8).flat_map(|i| [255 * (i % 2), 255 * (i % 2), 0, 255]).collect();
+        let image = Image { name: String::new(), width: 5, height: 3, pixels: Pixels::Rgba8(bytes.into()) };
+        let pyramid = Pyramid::new(&image, true);
+        let sizes: Vec<_> = pyramid.copies.iter().map(|c| (c.width, c.height)).collect();
+        assert_eq!(sizes, [(2, 1), (1, 1)]);
+        // 3 of 6 and 4 of 9 texels are white: the mean of light, not of bytes.
+        assert!((texel(&pyramid.copies[0], true, 0)[0] - 0.5).abs() < 4e-3);
+        assert!((texel(&pyramid.copies[0], true, 1)[0] - 4.0 / 9.0).abs() < 4e-3);
+        let sampler = Sampler { filter: Filter::Mipmap, ..Sampler::default() };
+        let texture = Texture { source: TextureSource::Image(ImageId(0)), sampler, is_srgb: true };
+        let scene = Scene { textures: vec![texture], images: vec![image], ..Scene::default() };
+        let at = |level: f32| sample_level(&scene, &TextureRef::new(TextureId(0)), &pyramid, Vec2::new(0.5, 0.5), level)[0];
+        let whole = at(2.0);
+        assert!((whole - 17.0 / 36.0).abs() < 6e-3 && at(50.0) == whole, "{whole}");
+        assert!((at(1.5) - 0.5 * (at(1.0) + at(2.0))).abs() < 1e-6);
+        assert_eq!(at(-3.0), sample(&scene, &TextureRef::new(TextureId(0)), Vec2::new(0.5, 0.5))[0]);
     }
 
     #[test]

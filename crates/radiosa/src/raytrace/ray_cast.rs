@@ -10,7 +10,7 @@ use crate::math::{Ray, Vec3};
 use crate::sampling::Stream;
 use crate::scene::Light;
 use crate::spectrum::Spectrum;
-use crate::transport::{Integrator, LightSettings, Lights, Viewer, World, default_light};
+use crate::transport::{Footprint, Integrator, LightSettings, Lights, Viewer, World, default_light};
 
 /// What ray casting can be asked for.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,11 +24,19 @@ pub struct Settings {
     /// Lights beside the scene's own (`transport::default_light`); when there are some, their backdrop stands behind a scene without a
     /// background of its own.
     pub extra_lights: Vec<Light>,
+    /// How wide a pixel is ([`View::footprint`](crate::transport::View::footprint)), for textures with smaller copies.
+    pub footprint: Footprint,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { shadows: true, lights: LightSettings::default(), viewer: Viewer::Local, extra_lights: Vec::new() }
+        Self {
+            shadows: true,
+            lights: LightSettings::default(),
+            viewer: Viewer::Local,
+            extra_lights: Vec::new(),
+            footprint: Footprint::default(),
+        }
     }
 }
 
@@ -41,6 +49,7 @@ pub struct RayCast {
     /// Unit, to an infinitely distant viewer.
     to_viewer: Vec3,
     has_backdrop: bool,
+    footprint: Footprint,
 }
 
 impl RayCast {
@@ -52,6 +61,7 @@ impl RayCast {
             lights: Lights::prepare(world, &settings.lights, &settings.extra_lights),
             to_viewer: -forward,
             has_backdrop: default_light::has_backdrop(world, &settings.extra_lights),
+            footprint: settings.footprint,
         }
     }
 
@@ -71,7 +81,7 @@ impl Integrator for RayCast {
         let mut through_glass = false;
         for layer in 0..BEHIND_MAX {
             *n_rays += 1;
-            let Some((hit, surface)) = world.closest_visible(&ray) else {
+            let Some((hit, mut surface)) = world.closest_visible(&ray) else {
                 let seen = open * eye::behind(world, ray.dir, self.has_backdrop, layer == 0);
                 if through_glass {
                     pixel.refraction += seen;
@@ -83,8 +93,9 @@ impl Integrator for RayCast {
                 break;
             };
             let wo = -ray.dir;
-            let mut shading = world.shading(&surface, wo);
             travelled += hit.t;
+            surface.width = self.footprint.width(travelled, surface.ng.dot(wo));
+            let mut shading = world.shading(&surface, wo);
             eye::record(&mut pixel, world, &surface, &shading, travelled);
             let glass = shading.straight_transmission();
             if self.viewer == Viewer::Infinite {

@@ -21,7 +21,9 @@ use crate::math::{Ray, Vec3};
 use crate::sampling::Stream;
 use crate::scene::Light;
 use crate::spectrum::Spectrum;
-use crate::transport::{Emitters, Integrator, LightSettings, Lights, LocalLight, Shading, Surface, Viewer, World, default_light};
+use crate::transport::{
+    Emitters, Footprint, Integrator, LightSettings, Lights, LocalLight, Shading, Surface, Viewer, World, default_light,
+};
 
 /// The deepest recursion there is, whatever is asked for: the machine's stack is finite.
 pub const DEPTH_LIMIT: u32 = 64;
@@ -62,6 +64,8 @@ pub struct Settings {
     pub viewer: Viewer,
     /// Lights beside the scene's own, as for ray casting.
     pub extra_lights: Vec<Light>,
+    /// How wide a pixel is, as for ray casting; it goes on growing behind mirrors and glass as if they were flat.
+    pub footprint: Footprint,
 }
 
 impl Default for Settings {
@@ -76,6 +80,7 @@ impl Default for Settings {
             lights: LightSettings::default(),
             viewer: Viewer::Local,
             extra_lights: Vec::new(),
+            footprint: Footprint::default(),
         }
     }
 }
@@ -216,11 +221,13 @@ struct Reach {
     weight: f32,
     /// Above 0 it samples a lobe of that roughness, whose highlight shows the light sources already.
     roughness: f32,
+    /// Its way from the eye to where it starts.
+    travelled: f32,
 }
 
 impl Reach {
     const fn of_the_eye() -> Self {
-        Self { depth: 0, weight: 1.0, roughness: 0.0 }
+        Self { depth: 0, weight: 1.0, roughness: 0.0, travelled: 0.0 }
     }
 }
 
@@ -244,7 +251,7 @@ impl Tracer<'_> {
         let mut uncovered = 1.0;
         for layer in 0..BEHIND_MAX {
             *self.n_rays += 1;
-            let Some((hit, surface)) = world.closest_visible(&ray) else {
+            let Some((hit, mut surface)) = world.closest_visible(&ray) else {
                 if let Some(medium) = media.current() {
                     open = open * media::transmittance(medium.absorption, f32::INFINITY);
                 }
@@ -254,6 +261,8 @@ impl Tracer<'_> {
             self.n_surfaces += 1;
             distance += hit.t;
             let wo = -ray.dir;
+            let travelled = reach.travelled + distance;
+            surface.width = self.method.settings.footprint.width(travelled, surface.ng.dot(wo));
             let mut shading = world.shading(&surface, wo);
             let transmission = shading.bsdf.transmission();
             let entering = surface.is_front(wo);
@@ -285,7 +294,14 @@ impl Tracer<'_> {
                 if surroundings != 1.0 {
                     shading.bsdf = shading.bsdf.within(surroundings);
                 }
-                let light = self.leaving(&surface, &mut shading, entering, (&media, &behind), reach, weight.max_channel());
+                let light = self.leaving(
+                    &surface,
+                    &mut shading,
+                    entering,
+                    (&media, &behind),
+                    Reach { travelled, ..reach },
+                    weight.max_channel(),
+                );
                 sink.surface(weight, &light);
             }
             uncovered *= 1.0 - shading.coverage;
@@ -407,7 +423,7 @@ impl Tracer<'_> {
         let weight = reach.weight * weight.max_channel();
         // Not `<`: what is no number ends here, too.
         if weight > 0.0 && weight >= self.method.settings.min_weight && self.n_surfaces < MAX_SURFACES {
-            let reach = Reach { depth: reach.depth + 1, weight, roughness };
+            let reach = Reach { depth: reach.depth + 1, weight, roughness, travelled: reach.travelled };
             self.follow(&surface.ray(dir), media, reach, &mut arriving);
         }
         arriving

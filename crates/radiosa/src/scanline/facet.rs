@@ -87,6 +87,7 @@ impl Facet {
             weights: barycentric,
             local,
             material: self.material,
+            width: 0.0,
         }
     }
 

@@ -24,7 +24,7 @@ use crate::film::{Film, FilmError, Filter, FilterSample, Layer, Sampling};
 use crate::raster::{Bins, Grid, Projection, SUBPIXELS};
 use crate::sampling::sequence;
 use crate::scene::Light;
-use crate::transport::{LightSettings, Lights, Solver, Step, View, Viewer, World};
+use crate::transport::{Footprint, LightSettings, Lights, Solver, Step, View, Viewer, World};
 use set_up::SetUp;
 use surfaces::Surfaces;
 
@@ -115,6 +115,8 @@ pub struct ScanLine<'a> {
     culling: Culling,
     viewer: Viewer,
     has_backdrop: bool,
+    /// Of a pixel, or of a sample where each is lit by itself.
+    footprint: Footprint,
     sampling: Sampling,
     samples: Vec<FilterSample>,
     film: Film,
@@ -153,6 +155,7 @@ impl<'a> ScanLine<'a> {
             culling: settings.culling,
             viewer: settings.viewer,
             has_backdrop: crate::transport::default_light::has_backdrop(world, &settings.extra_lights),
+            footprint: view.footprint(if sampling.filter == Filter::Box { 1 } else { sampling.spp }),
             bands: Grid::bands(sampling.width, sampling.height, spread).collect(),
             sampling,
             samples,

@@ -290,7 +290,8 @@ impl Drawing<'_> {
         for a in asked.iter() {
             let facet = self.facet(facets, a.item);
             let weights = facet.at(a.x, a.y);
-            let surface = facet.surface(world, weights, interpolation == Interpolation::Flat);
+            let mut surface = facet.surface(world, weights, interpolation == Interpolation::Flat);
+            surface.width = self.width(&surface);
             if let Some(first) = facet.lit_as {
                 let first = first as usize;
                 let light =
@@ -328,6 +329,19 @@ impl Drawing<'_> {
                 data.push(self.data(surface, &shading));
             }
         }
+    }
+
+    /// How wide a pixel is at a surface.
+    fn width(&self, surface: &Surface) -> f32 {
+        let projection = &self.method.projection;
+        let from_eye = surface.p - projection.eye().as_vec3();
+        let (distance, cos) = if projection.is_perspective() {
+            let distance = from_eye.length();
+            (distance, surface.ng.dot(from_eye) / distance)
+        } else {
+            (0.0, surface.ng.dot(projection.forward().as_vec3()))
+        };
+        self.method.footprint.width(distance, cos)
     }
 
     /// A surface as the eye sees it.

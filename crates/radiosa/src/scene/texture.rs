@@ -92,6 +92,8 @@ pub enum Filter {
     Nearest,
     /// Linear in both directions.
     Bilinear,
+    /// Linear in both directions and between ever smaller copies of the picture, by the size of a pixel where it is seen (trilinear).
+    Mipmap,
 }
 
 /// A texture as one material uses it.

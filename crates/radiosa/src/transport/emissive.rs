@@ -83,6 +83,7 @@ impl World {
                     weights: [1.0 - u - v, u, v],
                     local: crate::sampling::warp::uniform_sphere(crate::math::Vec2::new(a, b)),
                     material,
+                    width: 0.0,
                 };
                 let l = self.emission_at(&surface) * self.opacity(&surface);
                 sum += DVec3::new(f64::from(l.r), f64::from(l.g), f64::from(l.b));

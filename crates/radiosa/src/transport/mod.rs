@@ -4,6 +4,7 @@
 pub mod default_light;
 mod direct;
 mod emissive;
+mod footprint;
 pub mod framing;
 mod integrator;
 mod shading;
@@ -14,6 +15,7 @@ mod view;
 mod world;
 
 pub use direct::{Emitters, LightSettings, Lights, LocalLight, Viewer};
+pub use footprint::Footprint;
 pub use integrator::Integrator;
 pub use shading::{Shading, Textures};
 pub use solver::{Solver, Step};

@@ -61,7 +61,7 @@ pub enum Textures {
 
 impl At<'_> {
     fn texel(&self, map: &TextureRef) -> [f32; 4] {
-        texture::sample(self.world.scene(), map, self.surface.uv(self.world, map.uv_set))
+        self.world.texel(self.surface, map)
     }
 }
 
@@ -111,7 +111,7 @@ impl World {
     pub fn texture_of_light(&self, surface: &Surface) -> (Spectrum, Spectrum) {
         let of = |map: &ColorMap| {
             map.texture.as_ref().map_or(Spectrum::WHITE, |t| {
-                let [r, g, b, _] = texture::sample(self.scene(), t, surface.uv(self, t.uv_set));
+                let [r, g, b, _] = self.texel(surface, t);
                 Spectrum::new(r, g, b)
             })
         };
@@ -253,7 +253,7 @@ impl World {
             // v runs down the picture, the bitangent up.
             Vec3::new(-slope_u * map.scale, slope_v * map.scale, 1.0)
         } else {
-            let [x, y, z, _] = read(uv);
+            let [x, y, z, _] = self.texel(surface, &map.texture);
             Vec3::new((2.0 * x - 1.0) * map.scale, (2.0 * y - 1.0) * map.scale, 2.0 * z - 1.0)
         };
         (t * local.x + b * local.y + n * local.z).try_normalize().unwrap_or(n)

@@ -31,6 +31,8 @@ pub struct Surface {
     pub local: Vec3,
     /// What it is made of.
     pub material: Option<MaterialId>,
+    /// How wide a pixel is here, world units (`transport::Footprint`); zero reads textures at their finest.
+    pub width: f32,
 }
 
 impl World {
@@ -57,7 +59,7 @@ impl World {
                 }
                 let ng = ng.try_normalize().map_or(-ray.dir.normalize_or_zero(), |n| n.as_vec3());
                 let n = self.interpolated_normal(instance, tri, weights).map_or(ng, |n| if n.dot(ng) < 0.0 { -n } else { n });
-                Surface { p, p_error, ng, n, instance, primitive: hit.primitive, weights, local, material }
+                Surface { p, p_error, ng, n, instance, primitive: hit.primitive, weights, local, material, width: 0.0 }
             }
             shape => {
                 let m = placed.to_world.unwrap_or_default();
@@ -76,7 +78,7 @@ impl World {
                 }
                 let (p, p_error) = transform_point(&m, local, local.abs() * gamma(3));
                 let ng = self.normal_to_world(instance, normal).try_normalize().unwrap_or(glam::DVec3::Y).as_vec3();
-                Surface { p, p_error, ng, n: ng, instance, primitive: 0, weights: [0.0; 3], local, material }
+                Surface { p, p_error, ng, n: ng, instance, primitive: 0, weights: [0.0; 3], local, material, width: 0.0 }
             }
         }
     }

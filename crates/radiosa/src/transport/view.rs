@@ -1,5 +1,6 @@
 //! Camera rays.
 
+use super::Footprint;
 use crate::math::{DVec3, Ray, Vec3};
 use crate::raster;
 use crate::sampling::{Stream, warp};
@@ -82,6 +83,17 @@ impl View {
         let origin = self.eye + self.camera.basis.x_axis * p.x + self.camera.basis.y_axis * p.y;
         let dir = (focus - origin).try_normalize().map_or(pinhole.dir, |dir| dir.as_vec3());
         Ray::new(origin.as_vec3(), dir)
+    }
+
+    /// How wide a pixel is that `samples` share evenly.
+    pub fn footprint(&self, samples: u32) -> Footprint {
+        let share = 1.0 / (self.height * f64::from(samples.max(1)).sqrt());
+        let pixel = (2.0 * self.half * share) as f32;
+        match self.camera.projection {
+            Projection::Perspective { .. } => Footprint { at_eye: 0.0, growth: pixel },
+            Projection::Orthographic { .. } => Footprint { at_eye: pixel, growth: 0.0 },
+            Projection::Panoramic => Footprint { at_eye: 0.0, growth: (std::f64::consts::PI * share) as f32 },
+        }
     }
 
     /// As Radiance writes views: type, eye point, direction, up and angles, in scene coordinates.

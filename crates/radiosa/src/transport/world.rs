@@ -4,9 +4,10 @@ use std::collections::HashMap;
 
 use super::Surface;
 use crate::accel::{self, Accel, Placed, Shape};
+use crate::bsdf::texture::Pyramid;
 use crate::emitter::{area::EmissiveSurface, environment::Sky};
 use crate::math::{Affine3A, CpuPath, DAffine3, DVec3, Vec3};
-use crate::scene::{AlphaMode, Geometry, InstanceId, MaterialId, Scene, SceneError};
+use crate::scene::{AlphaMode, Geometry, InstanceId, MaterialId, Scene, SceneError, TextureId};
 
 /// Meshes placed more than once are copied into world coordinates while the scene stays below this many triangles: one
 /// tree is faster than a tree of trees, and 8 M triangles cost about 1 GB.
@@ -29,6 +30,8 @@ pub struct World {
     emissive: Vec<EmissiveSurface>,
     sky: Option<Sky>,
     has_masks: bool,
+    /// By texture: its smaller copies, where its filter wants them.
+    pyramids: Vec<Option<Pyramid>>,
     /// By material: light may pass it.
     transparent: Vec<bool>,
 }
@@ -120,6 +123,7 @@ impl World {
         let accel = Accel::build(geometry, cpu_path);
         let has_masks = scene.materials.iter().any(|m| matches!(m.alpha.mode, AlphaMode::Mask { .. }));
         let transparent = scene.materials.iter().map(|m| m.transmits() || m.alpha.mode != AlphaMode::Opaque).collect();
+        let pyramids = scene.textures.iter().map(|t| Pyramid::of_texture(t, &scene.images)).collect();
         let sky = scene.environment.as_ref().map(|e| Sky::new(e, &scene.images));
         let mut world = Self {
             scene,
@@ -131,6 +135,7 @@ impl World {
             emissive: Vec::new(),
             sky,
             has_masks,
+            pyramids,
             transparent,
         };
         world.emissive = world.collect_emissive();
@@ -187,6 +192,10 @@ impl World {
     /// The prepared environment.
     pub fn sky(&self) -> Option<&Sky> {
         self.sky.as_ref()
+    }
+
+    pub(super) fn pyramid(&self, id: TextureId) -> Option<&Pyramid> {
+        self.pyramids[id.index()].as_ref()
     }
 
     pub(super) fn has_masks(&self) -> bool {

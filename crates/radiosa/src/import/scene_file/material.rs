@@ -367,6 +367,8 @@ enum FilterKind {
     Nearest,
     /// Linear in both directions.
     Bilinear,
+    /// Linear between ever smaller copies as well, by the size of a pixel.
+    Mipmap,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
@@ -406,7 +408,11 @@ impl TextureTable {
             Some(WrapKind::Mirror) => Wrap::Mirror,
             Some(WrapKind::Clamp) => Wrap::Clamp,
         };
-        let filter = if self.filter == Some(FilterKind::Nearest) { Filter::Nearest } else { Filter::Bilinear };
+        let filter = match self.filter {
+            Some(FilterKind::Nearest) => Filter::Nearest,
+            None | Some(FilterKind::Bilinear) => Filter::Bilinear,
+            Some(FilterKind::Mipmap) => Filter::Mipmap,
+        };
         // Floating-point pictures and checkers are linear already.
         let is_bytes = match source {
             TextureSource::Image(image) => !matches!(r.scene.images[image.index()].pixels, crate::scene::Pixels::Rgba32F(_)),
