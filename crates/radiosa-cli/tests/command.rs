@@ -203,3 +203,51 @@ fn scan_line_draws_what_ray_casting_without_shadows_draws_and_cannot_draw_panora
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stderr).contains("panorama"), "{}", text(&output.stderr));
 }
+
+#[test]
+fn a_value_of_the_scene_can_be_set_and_the_recipe_keeps_it() {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    let mean = |args: &[&str]| {
+        let output =
+            radiosa(dir.path(), &[&["render", "furnace", "--size", "16x16", "--json", "-q", "-o", "f.png"], args].concat());
+        let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        report["mean_radiance"][1].as_f64().unwrap_or_else(|| panic!("{report}"))
+    };
+    assert!(mean(&["--set", "background=5", "--set", "material.glowing.emission=2"]) > 1.5 * mean(&[]));
+    let recipe = text(&radiosa(dir.path(), &["info", "f.png"]).stdout);
+    assert!(!recipe.contains("--set"));
+    mean(&["--set", "material.glowing.emission=2"]);
+    let recipe = text(&radiosa(dir.path(), &["info", "f.png"]).stdout);
+    assert!(recipe.contains("--set material.glowing.emission=2"), "{recipe}");
+    for (set, said) in [
+        ("material.glowin.emission=2", "material.glowing.emission"),
+        ("material.glowing.emision=2", "emission"),
+        ("material.glowing.emission=red", "material.glowing.emission"),
+    ] {
+        let output = radiosa(dir.path(), &["render", "furnace", "--set", set]);
+        assert_eq!(output.status.code(), Some(1), "{set}");
+        assert!(
+            text(&output.stderr).contains(said) && text(&output.stderr).contains(set.split('=').next().unwrap()),
+            "{}",
+            text(&output.stderr)
+        );
+    }
+}
+
+#[test]
+fn values_of_a_model_can_be_set_as_an_include_changes_them() {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    std::fs::write(dir.path().join("a.mtl"), "newmtl red\nKd 1 0 0\n").expect("writable");
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl red\nf 1 2 3 4\n";
+    std::fs::write(dir.path().join("a.obj"), obj).expect("writable");
+    let mean = |args: &[&str]| {
+        let output =
+            radiosa(dir.path(), &[&["render", "a.obj", "--size", "16x16", "--json", "-q", "-o", "f.png"], args].concat());
+        let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        ["0", "1"]
+            .map(|i| report["mean_radiance"][i.parse::<usize>().expect("a digit")].as_f64().unwrap_or_else(|| panic!("{report}")))
+    };
+    let (red, green) = (mean(&[]), mean(&["--set", "material.red.lambert=[0,1,0]"]));
+    assert!(red[0] > red[1] && green[1] > green[0], "{red:?} {green:?}");
+    assert_eq!(mean(&["--set", "name=other"]), red);
+}

@@ -3,6 +3,7 @@
 use clap::{Args, ValueEnum};
 
 use super::value::{Emitters, Exposure, Size, parse_color, parse_fraction, parse_scale};
+use radiosa::import::Override;
 
 /// Everything that decides about the light in a picture, whatever is done with it.
 #[derive(Args, Clone, Debug)]
@@ -99,6 +100,10 @@ pub(crate) struct Picture {
     /// What the camera sees behind everything
     #[arg(long, value_name = "R,G,B", value_parser = parse_color)]
     pub(crate) background: Option<[f32; 3]>,
+
+    /// Give a value of the scene file another, such as material.ball.phong.diffuse=0.3 (repeatable; VALUE is TOML, bare words are strings)
+    #[arg(long, value_name = "PATH=VALUE")]
+    pub(crate) set: Vec<Override>,
 
     /// How textures are read between their texels: as the scene says, or all of them one way
     #[arg(long, value_enum, default_value_t = TextureFilter::Scene)]

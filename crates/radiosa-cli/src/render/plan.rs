@@ -88,10 +88,10 @@ pub(crate) fn cpu_path(choice: args::CpuPath) -> Result<CpuPath, Error> {
 pub(crate) fn load(name: &str, picture: &Picture, work: &Work, warnings: &mut Vec<Warning>) -> Result<Scene, Error> {
     let options = import::Options { allow_outside: work.allow_outside.clone(), max_memory: work.max_memory };
     let path = Path::new(name);
-    let mut scene = if let Some(scene) = import::sample::load(name) {
-        scene
+    let mut scene = if let Some(scene) = import::sample::load_with(name, &picture.set) {
+        scene?
     } else if path.exists() || path.extension().is_some() {
-        let (scene, found) = import::load(path, &options)?;
+        let (scene, found) = import::load_with(path, &picture.set, &options)?;
         warnings.extend(found);
         scene
     } else {

@@ -16,6 +16,7 @@ pub use error::{ImportError, Location, Warning, Warnings};
 pub use picture::decode as decode_picture;
 pub use resolve::Resolver;
 pub use scene_file::schema as scene_file_schema;
+pub use scene_file::{Override, OverrideError};
 
 use std::path::{Path, PathBuf};
 
@@ -48,6 +49,66 @@ pub fn load(path: &Path, options: &Options) -> Result<(Scene, Vec<Warning>), Imp
     let resolver = Resolver::new(path, options);
     let bytes = resolver.read_main()?;
     finish(read, &bytes, &resolver)
+}
+
+/// Reads a scene of any known format with values of its scene file replaced. Of glTF and OBJ, which are none, the materials can be changed
+/// (`material.NAME.lambert`, as an include does it), objects (`object.NAME.hidden`), and what stands at the top of a scene file (`ambient`).
+///
+/// # Errors
+/// As [`load`]; and when a path leads nowhere or a value does not fit: the error names the override.
+pub fn load_with(path: &Path, overrides: &[Override], options: &Options) -> Result<(Scene, Vec<Warning>), ImportError> {
+    if overrides.is_empty() {
+        return load(path, options);
+    }
+    reader(path)?;
+    let resolver = Resolver::new(path, options);
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+        return read_with(&resolver.read_main()?, overrides, &resolver);
+    }
+    let name = path.file_name().and_then(|n| n.to_str()).ok_or_else(|| ImportError::Unsupported {
+        path: path.to_path_buf(),
+        feature: "changing values of a file whose name is not UTF-8".into(),
+        help: "give it another name".into(),
+    })?;
+    let text = format!("[include]\nfile = {}\n", toml::Value::from(name));
+    let inside: Vec<Override> = overrides.iter().map(Override::inside_include).collect();
+    read_with(text.as_bytes(), &inside, &resolver)
+}
+
+/// Reads a scene file from bytes as if they were the content of the file at `path`, with values replaced.
+///
+/// # Errors
+/// As [`load_with`].
+pub fn load_bytes_with(
+    bytes: &[u8],
+    path: &Path,
+    overrides: &[Override],
+    options: &Options,
+) -> Result<(Scene, Vec<Warning>), ImportError> {
+    read_with(bytes, overrides, &Resolver::new(path, options))
+}
+
+fn read_with(bytes: &[u8], overrides: &[Override], resolver: &Resolver) -> Result<(Scene, Vec<Warning>), ImportError> {
+    let at = Location::file(resolver.path());
+    let read = |overrides: &[Override]| match std::str::from_utf8(bytes) {
+        Ok(text) if !overrides.is_empty() => {
+            let text = scene_file::replace(text, overrides, &at)?;
+            finish(scene_file::read, text.as_bytes(), resolver)
+        }
+        _ => finish(scene_file::read, bytes, resolver),
+    };
+    let error = match read(overrides) {
+        Ok(done) => return Ok(done),
+        Err(error) => error,
+    };
+    // Whose fault is it? The first that makes the file wrong; the file itself when it is wrong without any.
+    read(&[])?;
+    for n in 1..=overrides.len() {
+        if let Err(ImportError::Invalid { at, message, help }) = read(&overrides[..n]) {
+            return Err(ImportError::Invalid { at, message: format!("{}: {message}", overrides[n - 1]), help });
+        }
+    }
+    Err(error)
 }
 
 /// Reads a scene from bytes as if they were the content of the file at `path`, which need not exist: its ending says the

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Options, Resolver, Warnings, scene_file};
+use super::{ImportError, Options, Override, Resolver, Warnings, scene_file};
 use crate::scene::Scene;
 
 /// A scene that needs no file.
@@ -62,6 +62,20 @@ pub fn load(name: &str) -> Option<Scene> {
         .expect("the built-in scenes are right: a test reads every one");
     name.clone_into(&mut scene.name);
     Some(scene)
+}
+
+/// The scene of that name with values of its scene file replaced, `None` when there is none.
+///
+/// # Errors
+/// When a path leads nowhere or a value does not fit.
+pub fn load_with(name: &str, overrides: &[Override]) -> Option<Result<Scene, ImportError>> {
+    let path = format!("{name}.toml");
+    let read = |sample: &Sample| {
+        let (mut scene, _) = super::load_bytes_with(sample.toml.as_bytes(), Path::new(&path), overrides, &Options::default())?;
+        name.clone_into(&mut scene.name);
+        Ok(scene)
+    };
+    get(name).map(read)
 }
 
 /// The name that was probably meant, when one is close.

@@ -21,11 +21,14 @@ mod include;
 mod light;
 mod material;
 mod polygon;
+mod replace;
 mod shape;
 mod transform;
 mod value;
 
 pub(crate) use error::nearest;
+pub(super) use replace::replace;
+pub use replace::{Override, OverrideError};
 
 use std::collections::HashMap;
 use std::ops::Range;
