@@ -8,14 +8,13 @@ mod interrupt;
 mod progress;
 mod render;
 mod scenes;
+mod sheet;
 mod version;
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 fn main() -> ExitCode {
-    let args = args::Arguments::parse();
+    let args = args::Arguments::read();
     let json = args.json;
     match run(args) {
         Ok(code) => code,
@@ -33,6 +32,7 @@ fn run(args: args::Arguments) -> Result<ExitCode, error::Error> {
     }
     match args.verb {
         Some(args::Verb::Render(render)) => render::run(&render, args.json),
+        Some(args::Verb::Sheet(sheet)) => sheet::run(&sheet, args.json),
         Some(args::Verb::Scenes(scenes)) => scenes::run(scenes, args.json),
         Some(args::Verb::Info(info)) => version::info(&info, args.json),
         None => {

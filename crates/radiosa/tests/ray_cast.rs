@@ -1,7 +1,7 @@
 //! What ray casting promises as a whole: the same bits at any thread count, the same picture at any scale and place, layers that sum to the
 //! picture, and nothing black that should be lit.
 
-use radiosa::film::{Decomposition, Film, Filter, Layer};
+use radiosa::film::{Decomposition, Film, Filter, Layer, tone_map};
 use radiosa::import::sample;
 use radiosa::math::{CpuPath, DAffine3, DMat3, DVec3};
 use radiosa::raytrace::{RayCast, ray_cast, tiles};
@@ -150,6 +150,28 @@ fn transmission_filters_what_lies_behind() {
     });
     let seen = centre_of(before_a_glow(Material { model, ..Material::default() }));
     assert!((seen.r - 1.0).abs() < 1e-5 && (seen.g - 0.5).abs() < 1e-5 && seen.b == 0.0, "{seen:?}");
+}
+
+/// The colours of the near and the far plate of each pair, as a screen shows them: bytes.
+fn plates() -> [[[u8; 3]; 2]; 2] {
+    let film = render(built_in("parallel-plates"), 1, CpuPath::detect());
+    let shown = tone_map::ToneMap::default().prepare(&film).to_srgb8(&film);
+    // The picture is a square of 4.8 units; `x`, `y` in the units of the scene.
+    let pixel = |x: f64, y: f64| {
+        let at = |v: f64| ((v / 4.8 + 0.5) * f64::from(SIZE)) as usize;
+        let i = 3 * (at(-y) * SIZE as usize + at(x));
+        [shown[i], shown[i + 1], shown[i + 2]]
+    };
+    [[pixel(-2.0, -0.5), pixel(-1.6, 0.5)], [pixel(1.7, -0.5), pixel(2.2, 0.5)]]
+}
+
+#[test]
+fn parallel_plates_merge_without_attenuation_and_separate_with_it() {
+    let differ = |pair: [[u8; 3]; 2]| (0..3).map(|c| pair[0][c].abs_diff(pair[1][c])).max();
+    let [left, right] = plates();
+    assert!(left[0][0] > 150 && differ(left) <= Some(1), "{left:?}");
+    // Half the light is about a quarter less on a screen; this pair is the broken twin of the first.
+    assert!(differ(right) > Some(40), "{right:?}");
 }
 
 #[test]

@@ -1,15 +1,18 @@
 //! Every option of the command, defined once; help and completions derive from it.
 
 mod picture;
+mod sheet;
 mod value;
 
 pub(crate) use picture::{Cull, Filter, Fresnel, Interpolation, Method, OnOff, Picture, TextureFilter, ToneMap, Up, Viewer};
+pub(crate) use sheet::Sheet;
 pub(crate) use value::{Emitters, Exposure, Size, parse_color};
 
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::parser::ValueSource;
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
 /// One engine for light: a scene goes in; light comes out as pictures or numbers.
 #[derive(Parser, Debug)]
@@ -27,10 +30,25 @@ pub(crate) struct Arguments {
     pub(crate) verb: Option<Verb>,
 }
 
+impl Arguments {
+    /// What was typed; ends the program where it is misuse or asks for help.
+    pub(crate) fn read() -> Self {
+        let matches = Self::command().get_matches();
+        let mut arguments = Self::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
+        if let (Some(Verb::Sheet(sheet)), Some((_, matches))) = (&mut arguments.verb, matches.subcommand()) {
+            let typed = |id: &&clap::Id| matches.value_source(id.as_str()) == Some(ValueSource::CommandLine);
+            sheet.given = matches.ids().filter(typed).map(|id| id.as_str().replace('_', "-")).collect();
+        }
+        arguments
+    }
+}
+
 #[derive(Subcommand, Debug)]
 pub(crate) enum Verb {
     /// Make a picture of a scene
     Render(Box<Render>),
+    /// Make a labelled sheet of pictures over any two parameters, or a built-in figure
+    Sheet(Box<Sheet>),
     /// List the built-in scenes, or write one as files
     Scenes(Scenes),
     /// Show the recipe inside a picture: how it was made
@@ -95,6 +113,7 @@ pub(crate) struct Render {
 
 /// What the work may touch and take; none of it changes a finished picture.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "The work")]
 pub(crate) struct Work {
     /// Threads to use [default: one a processor]; the result does not depend on it
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]

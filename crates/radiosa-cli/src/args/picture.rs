@@ -1,12 +1,13 @@
 //! What a picture is to look like: the options `render` and `sheet` share, and that a sheet may vary from cell to cell.
 
 use clap::{Args, ValueEnum};
-
-use super::value::{Emitters, Exposure, Size, parse_color, parse_fraction, parse_scale};
 use radiosa::import::Override;
 
+use super::value::{Emitters, Exposure, Size, parse_color, parse_fraction, parse_scale};
+
 /// Everything that decides about the light in a picture, whatever is done with it.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, PartialEq)]
+#[command(next_help_heading = "The picture")]
 pub(crate) struct Picture {
     /// How to light it
     #[arg(short, long, value_enum, default_value_t = Method::Auto)]

@@ -86,9 +86,9 @@ pub(crate) fn cpu_path(choice: args::CpuPath) -> Result<CpuPath, Error> {
 
 /// The scene, built in or from a file, with what the command line changes.
 pub(crate) fn load(name: &str, picture: &Picture, work: &Work, warnings: &mut Vec<Warning>) -> Result<Scene, Error> {
-    let options = import::Options { allow_outside: work.allow_outside.clone(), max_memory: work.max_memory };
+    let options = import_options(work);
     let path = Path::new(name);
-    let mut scene = if let Some(scene) = import::sample::load_with(name, &picture.set) {
+    let scene = if let Some(scene) = import::sample::load_with(name, &picture.set) {
         scene?
     } else if path.exists() || path.extension().is_some() {
         let (scene, found) = import::load_with(path, &picture.set, &options)?;
@@ -97,6 +97,18 @@ pub(crate) fn load(name: &str, picture: &Picture, work: &Work, warnings: &mut Ve
     } else {
         return Err(crate::scenes::unknown(name));
     };
+    adjust(scene, picture, work)
+}
+
+fn import_options(work: &Work) -> import::Options {
+    import::Options { allow_outside: work.allow_outside.clone(), max_memory: work.max_memory }
+}
+
+/// A scene with what the command line changes in it.
+///
+/// # Errors
+/// When an environment cannot be read.
+pub(crate) fn adjust(mut scene: Scene, picture: &Picture, work: &Work) -> Result<Scene, Error> {
     if picture.up.is_some() || picture.scale.is_some() {
         let up = match picture.up {
             // Turns +z up into +y up.
@@ -114,7 +126,7 @@ pub(crate) fn load(name: &str, picture: &Picture, work: &Work, warnings: &mut Ve
     match picture.environment.as_deref() {
         None => {}
         Some("none") => scene.environment = None,
-        Some(text) => scene.environment = Some(environment(text, &mut scene, &options)?),
+        Some(text) => scene.environment = Some(environment(text, &mut scene, work)?),
     }
     match picture.texture_filter {
         TextureFilter::Scene => {}
@@ -128,13 +140,13 @@ pub(crate) fn load(name: &str, picture: &Picture, work: &Work, warnings: &mut Ve
     Ok(scene)
 }
 
-fn environment(text: &str, scene: &mut Scene, options: &import::Options) -> Result<Environment, Error> {
+fn environment(text: &str, scene: &mut Scene, work: &Work) -> Result<Environment, Error> {
     let constant = args::parse_color(text).ok().filter(|_| !Path::new(text).exists());
     let (radiance, scale) = match constant {
         Some(radiance) => (EnvironmentRadiance::Constant, radiance.into()),
         None => {
             let id = radiosa::scene::ImageId(scene.images.len() as u32);
-            scene.images.push(import::load_picture(Path::new(text), options)?);
+            scene.images.push(import::load_picture(Path::new(text), &import_options(work))?);
             (EnvironmentRadiance::Map(id), Spectrum::WHITE)
         }
     };

@@ -16,7 +16,7 @@ pub use error::{ImportError, Location, Warning, Warnings};
 pub use picture::decode as decode_picture;
 pub use resolve::Resolver;
 pub use scene_file::schema as scene_file_schema;
-pub use scene_file::{Override, OverrideError};
+pub use scene_file::{Override, OverrideError, nearest};
 
 use std::path::{Path, PathBuf};
 

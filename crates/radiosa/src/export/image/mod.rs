@@ -104,6 +104,19 @@ pub fn write(film: &Film, path: &Path, recipe: &Recipe, options: &Options) -> Re
     }
 }
 
+/// Writes a picture that is no film, such as a page of several, as an 8-bit PNG: sRGB bytes, three a pixel, row-major from the top left.
+///
+/// # Errors
+/// When the file cannot be written.
+///
+/// # Panics
+/// When there are not `3 · width · height` bytes, or no pixels.
+pub fn write_rgb8(path: &Path, width: u32, height: u32, rgb: &[u8], recipe: &Recipe) -> Result<(), ExportError> {
+    assert!(width > 0 && height > 0, "a picture has pixels");
+    assert_eq!(rgb.len() as u64, 3 * u64::from(width) * u64::from(height), "three bytes a pixel");
+    write_atomically(path, |file| png::write_bytes(file, (width, height), PngDepth::Eight, rgb, recipe))
+}
+
 /// The recipe inside a picture that [`write`] wrote; empty for pictures made by others.
 ///
 /// # Errors

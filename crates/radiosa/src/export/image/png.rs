@@ -13,9 +13,27 @@ pub(super) fn write(film: &Film, out: &mut impl Write, recipe: &Recipe, options:
     let shown = options.tone_map.prepare(film);
     let recipe = recipe.clone().with("exposure", shown.factor.to_string()).with("tone-map", options.tone_map.curve.to_string());
 
-    let mut encoder = Encoder::new(out, film.width(), film.height());
+    let size = (film.width(), film.height());
+    match options.png_depth {
+        PngDepth::Eight => write_bytes(out, size, PngDepth::Eight, &shown.to_srgb8(film), &recipe),
+        PngDepth::Sixteen => {
+            let bytes: Vec<u8> = shown.to_srgb16(film).into_iter().flat_map(u16::to_be_bytes).collect();
+            write_bytes(out, size, PngDepth::Sixteen, &bytes, &recipe)
+        }
+    }
+}
+
+/// Writes RGB values as they are in the file, with the recipe.
+pub(super) fn write_bytes(
+    out: &mut impl Write,
+    (width, height): (u32, u32),
+    depth: PngDepth,
+    bytes: &[u8],
+    recipe: &Recipe,
+) -> io::Result<()> {
+    let mut encoder = Encoder::new(out, width, height);
     encoder.set_color(ColorType::Rgb);
-    encoder.set_depth(match options.png_depth {
+    encoder.set_depth(match depth {
         PngDepth::Eight => BitDepth::Eight,
         PngDepth::Sixteen => BitDepth::Sixteen,
     });
@@ -30,14 +48,7 @@ pub(super) fn write(film: &Film, out: &mut impl Write, recipe: &Recipe, options:
     }
 
     let mut writer = encoder.write_header().map_err(to_io)?;
-    match options.png_depth {
-        PngDepth::Eight => writer.write_image_data(&shown.to_srgb8(film)),
-        PngDepth::Sixteen => {
-            let bytes: Vec<u8> = shown.to_srgb16(film).into_iter().flat_map(u16::to_be_bytes).collect();
-            writer.write_image_data(&bytes)
-        }
-    }
-    .map_err(to_io)?;
+    writer.write_image_data(bytes).map_err(to_io)?;
     writer.finish().map_err(to_io)
 }
 

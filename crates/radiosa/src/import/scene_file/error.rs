@@ -117,7 +117,7 @@ pub(crate) fn suggestion<'a>(word: &str, known: impl Iterator<Item = &'a str> + 
 }
 
 /// The known word that `word` most probably was meant to be, when one is close: as many slips of the pen apart as a third of its letters.
-pub(crate) fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+pub fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     // Long names are not compared letter by letter: the cost is the product of the lengths.
     let fold =
         |w: &str| w.chars().take(64).map(|c| if c == '-' || c == ' ' { '_' } else { c.to_ascii_lowercase() }).collect::<Vec<_>>();

@@ -26,7 +26,7 @@ mod shape;
 mod transform;
 mod value;
 
-pub(crate) use error::nearest;
+pub use error::nearest;
 pub(super) use replace::replace;
 pub use replace::{Override, OverrideError};
 
