@@ -23,6 +23,8 @@ pub(super) struct Facet {
     instance: InstanceId,
     primitive: u32,
     is_exact_shape: bool,
+    /// Of the face of a tessellation it is a part of.
+    middle: Option<Vec3>,
     material: Option<MaterialId>,
     /// Number of the light at its first vertex, or of its only one, among all that was computed; `None` until then.
     pub(super) lit_as: Option<u32>,
@@ -52,6 +54,7 @@ impl Facet {
             instance,
             primitive,
             is_exact_shape: faces.is_exact_shape,
+            middle: surfaces.middle(&faces, own),
             material: world.scene().material_of(instance, primitive),
             lit_as: None,
         }
@@ -94,6 +97,9 @@ impl Facet {
     /// Where the one light of a face that is shaded flat is computed: the middle of the face it had in its source.
     pub(super) fn middle(&self, world: &World) -> Surface {
         let surface = self.surface(world, [1.0 / 3.0; 3], true);
+        if let Some(p) = self.middle {
+            return Surface { p, ..surface };
+        }
         let Geometry::Mesh(mesh) = world.scene().instances[self.instance.index()].geometry else { return surface };
         let mesh = &world.scene().meshes[mesh.index()];
         let Some(polygons) = &mesh.polygons else { return surface };

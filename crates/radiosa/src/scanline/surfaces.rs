@@ -50,6 +50,19 @@ enum Source {
 struct Tessellation {
     positions: Vec<Vec3>,
     triangles: Vec<[u32; 3]>,
+    /// The middle of the four-cornered face each triangle is a half of, or of the triangle.
+    middles: Vec<Vec3>,
+}
+
+impl Tessellation {
+    /// A face of three or four corners, in order.
+    fn add(&mut self, corners: &[u32]) {
+        let middle = corners.iter().map(|&i| self.positions[i as usize]).sum::<Vec3>() / corners.len() as f32;
+        for i in 2..corners.len() {
+            self.triangles.push([corners[0], corners[i - 1], corners[i]]);
+            self.middles.push(middle);
+        }
+    }
 }
 
 /// The triangles of one placed geometry.
@@ -122,6 +135,17 @@ impl Surfaces {
         self.kinds[material.map_or(self.kinds.len() - 1, MaterialId::index)]
     }
 
+    /// The middle of the face of a tessellation that a triangle is a part of, world coordinates; `None` for meshes.
+    pub(super) fn middle(&self, faces: &Faces<'_>, own: u32) -> Option<Vec3> {
+        let shape = match faces.source {
+            Source::Mesh(_) => return None,
+            Source::Sphere => &self.shapes[0],
+            Source::Disc => &self.shapes[1],
+        };
+        let p = shape.middles[own as usize];
+        Some(faces.to_world.map_or(p, |m| m.transform_point3(p)))
+    }
+
     /// The parts that have faces in a range of numbers, with those of their own triangles that fall into it.
     pub(super) fn in_range<'a>(
         &'a self,
@@ -185,24 +209,24 @@ fn sphere(rings: u32) -> Tessellation {
     let at = |i: u32, j: u32| 1 + (i - 1) * around + j % around;
     let south = t.positions.len() as u32 - 1;
     for j in 0..around {
-        t.triangles.push([0, at(1, j + 1), at(1, j)]);
+        t.add(&[0, at(1, j + 1), at(1, j)]);
         for i in 1..rings - 1 {
-            let (a, b, c, d) = (at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j));
-            t.triangles.push([a, b, c]);
-            t.triangles.push([a, c, d]);
+            t.add(&[at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)]);
         }
-        t.triangles.push([at(rings - 1, j), at(rings - 1, j + 1), south]);
+        t.add(&[at(rings - 1, j), at(rings - 1, j + 1), south]);
     }
     t
 }
 
 /// The unit disc in the plane y = 0, front +y.
 fn disc(segments: u32) -> Tessellation {
-    let mut t = Tessellation { positions: vec![Vec3::ZERO], triangles: Vec::new() };
+    let mut t = Tessellation { positions: vec![Vec3::ZERO], ..Tessellation::default() };
     for j in 0..segments {
         let phi = TAU * j as f32 / segments as f32;
         t.positions.push(Vec3::new(function::cos(phi), 0.0, function::sin(phi)));
-        t.triangles.push([0, 1 + (j + 1) % segments, 1 + j]);
+    }
+    for j in 0..segments {
+        t.add(&[0, 1 + (j + 1) % segments, 1 + j]);
     }
     t
 }
