@@ -90,5 +90,22 @@ fn pictures() -> Result<()> {
         say(path);
         run(cargo().args(["run", "--release", "--quiet", "--", "render"]).args(args).args(["--quiet", "--output", path]))?;
     }
+    // The figures at sizes that keep each file below 120 kB.
+    let figures = [
+        ("diffuse-ambient", "160x160"),
+        ("specular-exponent", "160x160"),
+        ("components", "160x160"),
+        ("phong-cook-torrance", "140x140"),
+        ("light-types", "140x140"),
+        ("methods", "280x210"),
+        ("interpolation", "160x160"),
+    ];
+    for (figure, size) in figures {
+        let path = format!("docs/pictures/sheet-{figure}.png");
+        say(&path);
+        let args =
+            ["run", "--release", "--quiet", "--", "sheet", "--figure", figure, "--size", size, "--quiet", "--output", &path];
+        run(cargo().args(args))?;
+    }
     Ok(())
 }

@@ -35,7 +35,7 @@ fn json_is_one_object_on_standard_output() {
     let (_dir, output) =
         in_folder(&["render", "whitted", "--size", "32x24", "--spp", "1", "--json", "-o", "w.exr", "-o", "w.hdr"]);
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("standard output is JSON alone");
-    assert_eq!(report["method"], "raycast");
+    assert_eq!(report["method"], "whitted", "the best for a scene of mirrors and glass");
     assert_eq!(report["size"], serde_json::json!([32, 24]));
     assert_eq!(report["outputs"], serde_json::json!(["w.exr", "w.hdr"]));
     assert!(report["rays"].as_u64() >= Some(32 * 24));

@@ -169,8 +169,15 @@ fn what_cannot_be_made_is_said_before_anything_is_drawn() {
 }
 
 #[test]
-fn the_help_is_as_it_was_reviewed() {
+fn the_help_is_as_it_was_reviewed_and_its_examples_work() {
     let dir = tempfile::tempdir().expect("temporary folders can be made");
     let help = text(&radiosa(dir.path(), &["sheet", "--help"]).stdout);
+    let examples: Vec<&str> = help.lines().filter_map(|l| l.strip_prefix("  radiosa ")).collect();
+    assert_eq!(examples.len(), 3);
+    for example in examples {
+        let args: Vec<&str> = example.split(' ').chain(["--size", "16x12"]).collect();
+        let output = radiosa(dir.path(), &args);
+        assert!(output.status.success(), "{example}: {}", text(&output.stderr));
+    }
     insta::assert_snapshot!("sheet-help", help);
 }

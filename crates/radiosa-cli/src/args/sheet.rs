@@ -22,7 +22,7 @@ sheet, so that cells can be compared; --own-exposure gives each cell its own.
 Examples:
   radiosa sheet --list
   radiosa sheet --figure diffuse-ambient
-  radiosa sheet whitted --rows max-depth=1,2,6 --columns material.glass.glass.ior=1.1,1.5";
+  radiosa sheet whitted --rows max-depth=1,2,6 --columns material.glass.blinn_phong.ior=1.1,1.5";
 
 #[derive(Args, Debug)]
 #[command(after_help = AFTER)]
