@@ -1,6 +1,7 @@
 //! `cargo xtask …`: the chores of the project.
 
 mod bench_rays;
+mod bench_whitted;
 
 use std::process::{Command, ExitCode};
 
@@ -9,6 +10,7 @@ use anyhow::{Context, Result, bail};
 const HELP: &str = "\
 cargo xtask test [FILTER…]   install what tests need, then run every test
 cargo xtask bench rays       ray queries beside Embree (Debian's libembree-dev)
+cargo xtask bench whitted    Whitted ray tracing beside POV-Ray (Debian's povray)
 cargo xtask pictures         render the pictures of the README and the book again
 ";
 
@@ -18,6 +20,7 @@ fn main() -> ExitCode {
     let done = match words.as_slice() {
         ["test", rest @ ..] => test(rest),
         ["bench", "rays", ..] => bench_rays::run(&args[2..]),
+        ["bench", "whitted", ..] => bench_whitted::run(&args[2..]),
         ["pictures"] => pictures(),
         _ => {
             say(HELP);
