@@ -105,7 +105,7 @@ fn read_with(bytes: &[u8], overrides: &[Override], resolver: &Resolver) -> Resul
     read(&[])?;
     for n in 1..=overrides.len() {
         if let Err(ImportError::Invalid { at, message, help }) = read(&overrides[..n]) {
-            return Err(ImportError::Invalid { at, message: format!("{}: {message}", overrides[n - 1]), help });
+            return Err(ImportError::Invalid { at, message: format!("{}: {message}", overrides[n - 1].shortened()), help });
         }
     }
     Err(error)

@@ -90,6 +90,13 @@ impl Override {
         })
     }
 
+    /// For messages: a long value is cut.
+    pub(in crate::import) fn shortened(&self) -> String {
+        const MOST: usize = 60;
+        let text = self.to_string();
+        if text.chars().count() <= MOST { text } else { text.chars().take(MOST).chain("…".chars()).collect() }
+    }
+
     /// The same path inside a file that only includes another: what has a name there is changed by the include.
     pub(in crate::import) fn inside_include(&self) -> Self {
         let named = matches!(self.keys.first().map(String::as_str), Some("material" | "object"));
