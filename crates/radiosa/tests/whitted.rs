@@ -9,8 +9,8 @@ use radiosa::raytrace::whitted::{DEPTH_LIMIT, Fresnel, Settings};
 use radiosa::raytrace::{Whitted, adaptive, tiles};
 use radiosa::sampling::Stream;
 use radiosa::scene::{
-    ColorMap, CookTorrance, Geometry, Instance, Lens, Material, MaterialId, Mesh, MeshId, MetallicRoughness, Model, Phong,
-    ScalarMap, Scene,
+    ColorMap, CookTorrance, Geometry, Instance, Lens, Light, LightKind, Material, MaterialId, Mesh, MeshId, MetallicRoughness,
+    Model, Phong, PhotometricUnit, ScalarMap, Scene,
 };
 use radiosa::spectrum::Spectrum;
 use radiosa::transport::{Integrator, Solver, Step, View, World, default_light, framing};
@@ -262,6 +262,32 @@ fn a_ray_from_inside_is_absorbed_as_well() {
 }
 
 // ------------------------------------------------------------------------------------------------ nested bodies
+
+#[test]
+fn the_shadow_of_a_slab_is_coloured_by_its_absorption_and_dimmed_at_both_its_faces() {
+    // Straight through: the factor is (1 − F)² exp(−σ t/cos θ), whatever refraction would do.
+    let sigma = [0.2f32, 0.7, 1.5];
+    let (t, theta) = (1.2f64, 0.5f64);
+    let mut scene = Scene::new("shadow");
+    let absorption = Spectrum::new(sigma[0], sigma[1], sigma[2]);
+    add(&mut scene, slab(0.0, t), model(Phong { absorption, ..fresnel_glass(1.5) }));
+    screen(&mut scene, -1.0);
+    scene.meshes.last_mut().expect("just added").colors = None;
+    *scene.materials.last_mut().expect("just added") = Material::lambert("floor", Spectrum::WHITE);
+    let to_light = DVec3::new(theta.sin(), 0.0, theta.cos());
+    let kind = LightKind::Distant { to_light, unit: PhotometricUnit::Classic };
+    scene.lights.push(Light::new("sun", Spectrum::WHITE, kind));
+    // From below the slab, so that only the shadow ray passes it.
+    let seen = |scene: &Scene| pixel(scene.clone(), &exact(), DVec3::new(0.3, 0.1, -0.5), DVec3::NEG_Z).color;
+    let lit = seen(&scene);
+    let open = 1.0 - brdf::fresnel_dielectric(theta.cos(), 1.0, 1.5);
+    for (channel, sigma) in lit.to_array().into_iter().zip(sigma) {
+        let expected = theta.cos() * open * open * (-f64::from(sigma) * t / theta.cos()).exp();
+        assert!((f64::from(channel) - expected).abs() < 1e-4, "{channel} instead of {expected}");
+        // The twin: without absorption, or without Fresnel, it would be brighter.
+        assert!((f64::from(channel) - theta.cos() * open * open).abs() > 1e-2);
+    }
+}
 
 #[test]
 fn overlapping_bodies_refract_by_priority_like_exactly_touching_ones() {

@@ -7,13 +7,12 @@
 //! `I_r` and `I_t` are what the reflected ray and the ray refracted by Snell's law see, by the same formula. A ray ends where it leaves the
 //! scene, where it meets a light (an emissive surface shows its emission and its local light), at [`Settings::max_depth`], or when less than
 //! [`Settings::min_weight`] of what it brings would reach the picture. Inside a body light is absorbed by Beer's law; where bodies overlap the
-//! one of higher priority counts (`raytrace::media`). Nothing is interreflected diffusely.
+//! one of higher priority counts (`transport::media`). Nothing is interreflected diffusely.
 //!
 //! Rough mirrors (Cook–Torrance, rough metallic–roughness) are not in the paper of 1980. Their reflected ray is drawn from the lobe, as in
 //! [Cook84]: one, or [`Settings::samples`] at what the eye sees. Light sources it meets are left out where the highlight shows them already.
 
 use super::eye::{self, BEHIND_MAX, NEGLIGIBLE};
-use super::media::{self, Media, Medium};
 use crate::bsdf::{Bsdf, SpecularRays};
 use crate::emitter::EnvironmentShadows;
 use crate::film::Pixel;
@@ -21,6 +20,7 @@ use crate::math::{Ray, Vec3};
 use crate::sampling::Stream;
 use crate::scene::Light;
 use crate::spectrum::Spectrum;
+use crate::transport::media::{self, Media, Medium};
 use crate::transport::{
     Emitters, Footprint, Integrator, LightSettings, Lights, LocalLight, Shading, Surface, Viewer, World, default_light,
 };
@@ -270,10 +270,7 @@ impl Tracer<'_> {
             let mut behind = media;
             let mut through = media.current().map(|medium| medium.absorption);
             if let Some(t) = transmission.filter(|t| !t.thin) {
-                let material = surface.material.map_or(u32::MAX, |m| m.0);
-                let body =
-                    Medium { body: (surface.instance.0, material), ior: t.ior, absorption: t.absorption, priority: t.priority };
-                let boundary = media.meet(body, entering);
+                let boundary = media.meet(Medium::of(&surface, &t), entering);
                 through = boundary.began_in.map(|medium| medium.absorption).or(through);
                 if let Some(absorption) = through {
                     open = open * media::transmittance(absorption, hit.t);

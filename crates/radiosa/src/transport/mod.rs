@@ -7,6 +7,7 @@ mod emissive;
 mod footprint;
 pub mod framing;
 mod integrator;
+pub(crate) mod media;
 mod shading;
 mod solver;
 mod surface;

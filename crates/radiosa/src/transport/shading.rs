@@ -1,5 +1,6 @@
 //! A surface seen from somewhere: normals on the viewer's side, textures looked up, the reflection function resolved.
 
+use super::media::{self, Media, Medium};
 use super::{Surface, World};
 use crate::accel::Hit;
 use crate::bsdf::fresnel;
@@ -170,11 +171,31 @@ impl World {
         let mut passed = Spectrum::WHITE;
         let end = segment.at(segment.t_max);
         let mut ray = *segment;
+        let mut media = Media::default();
+        let absorb = |medium: Option<&Medium>, distance: f32| {
+            medium.map_or(Spectrum::WHITE, |m| media::transmittance(m.absorption, distance))
+        };
         for _ in 0..MAX_LAYERS {
             *n_rays += 1;
-            let Some((_, surface)) = self.closest_visible(&ray) else { return passed };
-            let shading = self.shading(&surface, -segment.dir.normalize());
-            let glass = if through_glass { shading.straight_transmission() } else { Spectrum::BLACK };
+            let unit = ray.dir.length();
+            let Some((hit, surface)) = self.closest_visible(&ray) else {
+                return passed * absorb(media.current(), unit * ray.t_max);
+            };
+            let wo = -segment.dir.normalize();
+            let shading = self.shading(&surface, wo);
+            let mut glass = if through_glass { shading.straight_transmission() } else { Spectrum::BLACK };
+            match shading.bsdf.transmission().filter(|t| through_glass && !t.thin) {
+                None => passed = passed * absorb(media.current(), unit * hit.t),
+                Some(t) => {
+                    let boundary = media.meet(Medium::of(&surface, &t), surface.is_front(wo));
+                    passed = passed * absorb(boundary.began_in.as_ref().or(media.current()), unit * hit.t);
+                    if boundary.surroundings.is_none() {
+                        // Hidden in a body of higher priority: there is no surface here.
+                        glass = Spectrum::WHITE;
+                    }
+                    media = boundary.behind;
+                }
+            }
             passed = passed * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
             if passed.is_black() {
                 return passed;

@@ -8,57 +8,68 @@
 //! A ray that leaves a body it never entered started inside it. The list is short and fixed; a body that does not fit is treated as never entered,
 //! which is a wrong index where more than [`CAPACITY`] bodies overlap and nothing worse.
 
+use super::Surface;
+use crate::bsdf::Transmission;
 use crate::math::function;
 use crate::spectrum::Spectrum;
 
 /// Bodies that may overlap in one place.
-pub(super) const CAPACITY: usize = 6;
+pub(crate) const CAPACITY: usize = 6;
 
 /// A transparent body.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Medium {
+pub(crate) struct Medium {
     /// Which: instance and material, since one mesh may hold several bodies.
-    pub(super) body: (u32, u32),
+    pub(crate) body: (u32, u32),
     /// Index of refraction in vacuum.
-    pub(super) ior: f32,
+    pub(crate) ior: f32,
     /// σ, 1/m.
-    pub(super) absorption: Spectrum,
+    pub(crate) absorption: Spectrum,
     /// The highest wins.
-    pub(super) priority: i32,
+    pub(crate) priority: i32,
+}
+
+impl Medium {
+    /// The body whose surface this is.
+    pub(crate) fn of(surface: &Surface, transmission: &Transmission) -> Self {
+        let material = surface.material.map_or(u32::MAX, |m| m.0);
+        let Transmission { ior, absorption, priority, .. } = *transmission;
+        Self { body: (surface.instance.0, material), ior, absorption, priority }
+    }
 }
 
 /// The bodies a ray is in, in the order it entered them.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Media {
+pub(crate) struct Media {
     bodies: [Medium; CAPACITY],
     n: usize,
 }
 
 /// What a ray finds at the surface of a body.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Boundary {
+pub(crate) struct Boundary {
     /// Index of refraction on the other side of the body's surface; `None` when another body of higher priority hides this one.
-    pub(super) surroundings: Option<f32>,
+    pub(crate) surroundings: Option<f32>,
     /// Where the ray is when it has passed.
-    pub(super) behind: Media,
+    pub(crate) behind: Media,
     /// The medium it came through when that is the body itself and it never entered: it started inside.
-    pub(super) began_in: Option<Medium>,
+    pub(crate) began_in: Option<Medium>,
 }
 
 impl Media {
     /// What the ray travels in; `None` for vacuum.
-    pub(super) fn current(&self) -> Option<&Medium> {
+    pub(crate) fn current(&self) -> Option<&Medium> {
         // The last of equal ones.
         self.bodies[..self.n].iter().max_by_key(|body| body.priority)
     }
 
     /// Its index of refraction.
-    pub(super) fn ior(&self) -> f32 {
+    pub(crate) fn ior(&self) -> f32 {
         self.current().map_or(1.0, |medium| medium.ior)
     }
 
     /// The ray meets the surface of `body`, from outside (`entering`) or from inside.
-    pub(super) fn meet(&self, body: Medium, entering: bool) -> Boundary {
+    pub(crate) fn meet(&self, body: Medium, entering: bool) -> Boundary {
         let mut behind = *self;
         if entering {
             let hidden = self.current().is_some_and(|current| current.priority > body.priority);
@@ -80,7 +91,7 @@ impl Media {
 }
 
 /// What is left of light after `distance` metres: `exp(−σ d)` by channel (Beer's law). Nothing comes from infinitely far.
-pub(super) fn transmittance(absorption: Spectrum, distance: f32) -> Spectrum {
+pub(crate) fn transmittance(absorption: Spectrum, distance: f32) -> Spectrum {
     absorption.map(|sigma| if sigma > 0.0 { function::exp(-sigma * distance) } else { 1.0 })
 }
 
