@@ -1,8 +1,11 @@
 //! `cargo xtask bench whitted [--turns N] [--size WxH]`: processor time of `radiosa render --method whitted` beside POV-Ray 3.7, on the scenes of `benches/povray`,
-//! each written for both. Two threads each, whole processes, interleaved, medians; the pictures are left in a folder to be looked at.
+//! each written for both. Two threads each, whole processes, interleaved, medians. Ours, theirs and four times the difference are left side by
+//! side in a folder to be looked at; `benches/povray/README.md` explains what differs.
 
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 
@@ -29,8 +32,9 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     let pictures: PathBuf = root.join("target/bench-whitted");
     std::fs::create_dir_all(&pictures).context("cannot make a folder for the pictures")?;
     println!(
-        "{size}, one sample a pixel, two threads, medians of {turns}: seconds of processor time, ours / POV-Ray's, and the ratio"
+        "{size}, one sample a pixel, two threads, medians of {turns}: seconds, ours, POV-Ray's and the ratio; pixels within 2/255; mean difference"
     );
+    println!("scene         processor            wall                 POV-Ray's tracing   within   mean/255");
     for scene in SCENES {
         let file = |ending: &str| root.join(format!("benches/povray/{scene}.{ending}"));
         let picture = |whose: &str| pictures.join(format!("{scene}-{whose}.png"));
@@ -48,24 +52,46 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
         };
         let (mut a, mut b) = (Vec::new(), Vec::new());
         for _ in 0..turns.max(1) {
-            a.push(processor_time(&mut ours())?);
-            b.push(processor_time(&mut theirs())?);
+            a.push(Cost::of(&mut ours())?);
+            b.push(Cost::of(&mut theirs())?);
         }
-        let (a, b) = (median(a), median(b));
-        println!("{scene:10} {a:6.2} {b:6.2}   {:.2}", a / b);
+        let medians = |cost: fn(&Cost) -> f64| (median(a.iter().map(cost)), median(b.iter().map(cost)));
+        let ((ours_cpu, theirs_cpu), (ours_wall, theirs_wall)) = (medians(|c| c.processor), medians(|c| c.wall));
+        let tracing = median(b.iter().filter_map(|c| c.tracing));
+        let (within, mean) = compare(&picture("radiosa"), &picture("povray"), &picture("beside"))?;
+        let (cpu, wall) = (ours_cpu / theirs_cpu, ours_wall / theirs_wall);
+        println!(
+            "{scene:10} {ours_cpu:6.2} {theirs_cpu:6.2} {cpu:5.2}  {ours_wall:6.2} {theirs_wall:6.2} {wall:5.2}  {tracing:17.2}  {:6.2} %  {mean:8.3}",
+            within * 100.0
+        );
     }
     println!("pictures in {}", pictures.display());
     Ok(())
 }
 
-/// Seconds of processor time, user and system, a command took, whole.
-fn processor_time(command: &mut Command) -> Result<f64> {
-    let before = children_time()?;
-    let output = command.output().with_context(|| format!("cannot start {command:?}"))?;
-    if !output.status.success() {
-        bail!("{command:?}: {}", String::from_utf8_lossy(&output.stderr));
+/// What a command took, whole, in seconds.
+struct Cost {
+    /// User and system time.
+    processor: f64,
+    wall: f64,
+    /// What POV-Ray says it spent between parsing and writing.
+    tracing: Option<f64>,
+}
+
+impl Cost {
+    fn of(command: &mut Command) -> Result<Self> {
+        let (before, start) = (children_time()?, Instant::now());
+        let output = command.output().with_context(|| format!("cannot start {command:?}"))?;
+        let (processor, wall) = (children_time()? - before, start.elapsed().as_secs_f64());
+        let said = String::from_utf8_lossy(&output.stderr);
+        if !output.status.success() {
+            bail!("{command:?}: {said}");
+        }
+        // "Trace Time: 0 hours 0 minutes 0 seconds (0.119 seconds)"
+        let line = said.lines().find(|line| line.contains("Trace Time:"));
+        let tracing = line.and_then(|line| line.split('(').nth(1)?.split(' ').next()?.parse().ok());
+        Ok(Self { processor, wall, tracing })
     }
-    Ok(children_time()? - before)
 }
 
 /// User and system time of the children that have ended: fields 16 and 17 of `/proc/self/stat`, in hundredths of a second.
@@ -76,7 +102,43 @@ fn children_time() -> Result<f64> {
     Ok(fields.iter().sum::<f64>() / 100.0)
 }
 
-fn median(mut times: Vec<f64>) -> f64 {
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// The share of pixels that differ by 2/255 at most in every channel, and the mean difference in 255ths, of two 8-bit sRGB pictures. Writes
+/// both and four times their difference side by side.
+fn compare(ours: &Path, theirs: &Path, beside: &Path) -> Result<(f64, f64)> {
+    let ((a, width), (b, other_width)) = (pixels(ours)?, pixels(theirs)?);
+    if width != other_width || a.len() != b.len() || a.is_empty() {
+        bail!("{} and {} are not of one size", ours.display(), theirs.display());
+    }
+    let difference: Vec<[u8; 3]> =
+        a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|channel| a[channel].abs_diff(b[channel]))).collect();
+    let near = difference.iter().filter(|d| d.iter().all(|&channel| channel <= 2)).count();
+    let sum: u64 = difference.iter().flatten().map(|&channel| u64::from(channel)).sum();
+    let shown: Vec<[u8; 3]> = difference.iter().map(|d| d.map(|channel| channel.saturating_mul(4))).collect();
+    let rows = a.chunks(width).zip(b.chunks(width)).zip(shown.chunks(width));
+    let bytes: Vec<u8> = rows.flat_map(|((a, b), d)| [a, b, d].concat()).flatten().collect();
+    let file = std::fs::File::create(beside).with_context(|| format!("cannot write {}", beside.display()))?;
+    let mut encoder = png::Encoder::new(file, u32::try_from(3 * width)?, u32::try_from(a.len() / width)?);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header()?.write_image_data(&bytes)?;
+    Ok((near as f64 / a.len() as f64, sum as f64 / (3 * a.len()) as f64))
+}
+
+/// The colours of a PNG, row by row, and its width.
+fn pixels(path: &Path) -> Result<(Vec<[u8; 3]>, usize)> {
+    let file = std::fs::File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let mut reader = png::Decoder::new(BufReader::new(file)).read_info()?;
+    let mut bytes = vec![0; reader.output_buffer_size().context("the picture is too large")?];
+    let frame = reader.next_frame(&mut bytes)?;
+    let channels = frame.color_type.samples();
+    if frame.bit_depth != png::BitDepth::Eight || channels < 3 {
+        bail!("{} is no 8-bit picture in colour", path.display());
+    }
+    bytes.truncate(frame.buffer_size());
+    Ok((bytes.chunks_exact(channels).map(|c| [c[0], c[1], c[2]]).collect(), frame.width as usize))
 }
