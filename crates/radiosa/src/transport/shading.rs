@@ -34,9 +34,13 @@ pub struct Shading {
 }
 
 impl Shading {
-    /// What passes straight through a transmitting surface: its transmission, less what Fresnel's equations reflect.
+    /// What passes straight through a transmitting surface: its transmission, less what Fresnel's equations reflect where the material is weighed by them
+    /// (constants `k_t` are taken as they are).
     pub fn straight_transmission(&self) -> Spectrum {
         self.bsdf.transmission().map_or(Spectrum::BLACK, |t| {
+            if matches!(&self.bsdf, Bsdf::Phong(m) if m.fresnel.is_none()) {
+                return t.weight;
+            }
             // From outside on both faces: a straight ray leaves a sheet as it entered it.
             t.weight * (1.0 - fresnel::dielectric(self.n.dot(self.wo).clamp(0.0, 1.0), t.ior))
         })
