@@ -166,8 +166,7 @@ pub fn sources(kind: Kind, interpolation: Interpolation, constants: &str) -> [St
         Interpolation::Phong => "AT_PIXELS",
     };
     let textured = if kind.is_textured { "#define TEXTURED\n" } else { "" };
-    let both = if std::env::var_os("BOTH").is_some() && interpolation == Interpolation::Gouraud { "#define BOTH_SIDES\n" } else { "" };
-    let head = format!("#version 450 core\n{both}#define {lobe}\n#define {place}\n{textured}{constants}\n");
+    let head = format!("#version 450 core\n#define {lobe}\n#define {place}\n{textured}{constants}\n");
     [format!("{head}{LIGHT}{VERTEX}"), format!("{head}{LIGHT}{PIXEL}")]
 }
 
@@ -312,9 +311,6 @@ out vec3 p, n;
 #endif
 #ifdef GOURAUD
 out vec3 diffuse, specular;
-#ifdef BOTH_SIDES
-out vec3 behind_diffuse, behind_specular;
-#endif
 #endif
 #ifdef FLAT
 flat out vec3 diffuse, specular;
@@ -330,12 +326,7 @@ void main() {
 #endif
 #ifdef GOURAUD
     vec3 v = normalize(eye - position);
-#ifdef BOTH_SIDES
-    light(position, normal, v, base, diffuse, specular);
-    light(position, -normal, v, base, behind_diffuse, behind_specular);
-#else
     light(position, dot(normal, v) < 0.0 ? -normal : normal, v, base, diffuse, specular);
-#endif
 #endif
 #ifdef FLAT
     vec3 v = normalize(eye - lit_at);
@@ -354,9 +345,6 @@ in vec3 p, n;
 #endif
 #ifdef GOURAUD
 in vec3 diffuse, specular;
-#ifdef BOTH_SIDES
-in vec3 behind_diffuse, behind_specular;
-#endif
 #endif
 #ifdef FLAT
 flat in vec3 diffuse, specular;
@@ -375,10 +363,6 @@ void main() {
     color = vec4(shown + d + s, 1.0);
 #else
     vec3 d = diffuse, s = specular;
-#ifdef BOTH_SIDES
-    d = gl_FrontFacing ? d : behind_diffuse;
-    s = gl_FrontFacing ? s : behind_specular;
-#endif
 #ifdef ROUGH
     s *= mix(vec3(1.0), texel, metal.x);
 #endif
