@@ -90,4 +90,6 @@ pub mod scanline;
 
 pub mod raytrace;
 
+pub mod radiosity;
+
 pub mod export;

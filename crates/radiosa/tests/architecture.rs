@@ -8,7 +8,7 @@ const LAYERS: [&[&str]; 6] = [
     &["scene", "import", "film"],
     &["accel", "raster", "bsdf", "emitter"],
     &["transport"],
-    &["scanline", "raytrace"],
+    &["scanline", "raytrace", "radiosity"],
     &["export"],
 ];
 

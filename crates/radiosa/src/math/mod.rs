@@ -10,6 +10,7 @@ mod frame;
 pub mod function;
 pub(crate) mod lanes;
 mod ray;
+pub mod polygon;
 pub mod rounding;
 
 pub use bounds::Bounds;
