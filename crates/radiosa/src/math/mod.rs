@@ -9,8 +9,8 @@ mod cpu;
 mod frame;
 pub mod function;
 pub(crate) mod lanes;
-mod ray;
 pub mod polygon;
+mod ray;
 pub mod rounding;
 
 pub use bounds::Bounds;

@@ -1,3 +1,27 @@
 //! Radiosity: the light between diffuse surfaces, for the scene and not for a camera.
+//!
+//! ```text
+//! World                        its surfaces
+//!   │  patch, sides, mesh      planar patches, the sides light can reach, divided into elements
+//!   │  form_factor, matrix     how much of what leaves one element arrives at another
+//!   │  direct, system          what elements are made of, and what lights that are not surfaces bring them
+//!   │  solve                   B = E + ρ F B
+//! Solution                     radiosity and irradiance of every element
+//!   │  gather, display         at a point; as a picture
+//! ```
+//!
+//! Only diffuse reflection takes part: other lobes are left to methods that trace rays.
 
+pub mod direct;
 pub mod form_factor;
+pub mod gather;
+pub mod matrix;
+pub mod mesh;
+pub mod patch;
+mod sides;
+pub mod solution;
+pub mod solve;
+pub mod system;
+
+pub use sides::Side;
+pub use solution::{Settings, Solution, solve};

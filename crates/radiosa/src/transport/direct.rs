@@ -3,6 +3,7 @@
 
 use super::{Shading, Surface, World};
 use crate::emitter::area::{self, PointSample};
+use crate::emitter::environment::Sky;
 use crate::emitter::random::PointSampler;
 use crate::emitter::{Emitter, EnvironmentShadows, Incident};
 use crate::math::rounding::gamma;
@@ -81,11 +82,22 @@ pub struct LocalLight {
 impl Lights {
     /// Prepares every light of a world, and `extra` ones beside them.
     pub fn prepare(world: &World, settings: &LightSettings, extra: &[Light]) -> Self {
+        Self::with_sky(world, settings, extra, world.sky())
+    }
+
+    /// The same without environments and hemispherical lights: for methods that trace rays to the sky.
+    pub(crate) fn prepare_without_skies(world: &World, settings: &LightSettings, extra: &[Light]) -> Self {
+        let mut lights = Self::with_sky(world, settings, extra, None);
+        lights.emitters.retain(|emitter| !matches!(emitter, Emitter::Hemispherical(_)));
+        lights
+    }
+
+    fn with_sky(world: &World, settings: &LightSettings, extra: &[Light], sky: Option<&Sky>) -> Self {
         let scene = world.scene();
         let lights = || scene.lights.iter().chain(extra);
         let mut emitters: Vec<Emitter> =
             lights().map(|light| Emitter::prepare(light, world.origin(), settings.environment_shadows)).collect();
-        emitters.extend(world.sky().map(|sky| sky.emitter(settings.environment_shadows)));
+        emitters.extend(sky.map(|sky| sky.emitter(settings.environment_shadows)));
         let (mut n_points, mut n_wanted) = (0, 0);
         if let Emitters::Points { n, max } = settings.emitters {
             let points = area::sample_points(world.emissive(), n, max);

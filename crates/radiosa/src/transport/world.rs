@@ -202,7 +202,7 @@ impl World {
         self.has_masks
     }
 
-    pub(super) fn has_transparency(&self) -> bool {
+    pub(crate) fn has_transparency(&self) -> bool {
         self.transparent.contains(&true)
     }
 

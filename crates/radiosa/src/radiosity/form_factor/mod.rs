@@ -1,3 +1,101 @@
 //! Form factors `F_ij`: the fraction of what leaves element *i* that arrives at element *j*.
+//!
+//! ```text
+//! F_ij = 1/A_i ∫_i ∫_j V K dA_j dA_i,   K = cos θ cos θ′ / (π r²),   A_i F_ij = A_j F_ji
+//! ```
+//!
+//! Each estimator is one file behind one contract: [`Factors::row`] gives the factors from one element to all others, in the order of the elements.
+//! Every solver asks for nothing else, but that [`Factors::matrix`] takes the whole at once where pairs can be shared.
 
 pub mod analytic;
+pub mod pair;
+mod rule;
+pub mod visibility;
+
+use rayon::prelude::*;
+
+use super::matrix::Matrix;
+use super::mesh::ElementMesh;
+use crate::transport::World;
+
+/// How form factors are estimated.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Estimator {
+    /// Exact factors of polygons times the visible fraction weighted by the kernel.
+    Analytic(pair::Settings),
+}
+
+impl Default for Estimator {
+    fn default() -> Self {
+        Self::Analytic(pair::Settings::default())
+    }
+}
+
+/// The factors of one element: `(j, F_ij)` with `F_ij` above zero, by rising `j`.
+pub type Row = Vec<(u32, f64)>;
+
+/// Form factors between the elements of a world, by one estimator.
+#[derive(Debug)]
+pub struct Factors<'a> {
+    mesh: &'a ElementMesh,
+    kind: Kind<'a>,
+}
+
+#[derive(Debug)]
+enum Kind<'a> {
+    Analytic(pair::Pairs<'a>),
+}
+
+/// What a thread needs while it asks for rows.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    pair: pair::Scratch,
+}
+
+impl<'a> Factors<'a> {
+    /// Makes an estimator ready.
+    pub fn new(world: &'a World, mesh: &'a ElementMesh, estimator: &Estimator, seed: u64) -> Self {
+        let kind = match estimator {
+            Estimator::Analytic(settings) => Kind::Analytic(pair::Pairs::new(world, mesh, settings, seed)),
+        };
+        Self { mesh, kind }
+    }
+
+    /// The elements.
+    pub fn mesh(&self) -> &ElementMesh {
+        self.mesh
+    }
+
+    /// The factors from element `i` to every other. Rays traced are counted in `scratch`.
+    pub fn row(&self, i: u32, row: &mut Row, scratch: &mut Scratch) {
+        row.clear();
+        match &self.kind {
+            Kind::Analytic(pairs) => {
+                let area = self.mesh.elements()[i as usize].area;
+                for j in (0..self.mesh.elements().len() as u32).filter(|&j| j != i) {
+                    let exchange = pairs.exchange_area(i.min(j), i.max(j), &mut scratch.pair);
+                    if exchange > 0.0 {
+                        row.push((j, exchange / area));
+                    }
+                }
+            }
+        }
+    }
+
+    /// All rows. The same at any thread count.
+    pub fn matrix(&self) -> Matrix {
+        let n = self.mesh.elements().len() as u32;
+        match &self.kind {
+            Kind::Analytic(pairs) => {
+                let upper: Vec<Vec<(u32, f64)>> = (0..n)
+                    .into_par_iter()
+                    .map_init(Scratch::default, |scratch, i| {
+                        let exchange = |j| (j, pairs.exchange_area(i, j, &mut scratch.pair));
+                        (i + 1..n).map(exchange).filter(|&(_, e)| e > 0.0).collect()
+                    })
+                    .collect();
+                Matrix::from_exchange_areas(&upper, self.mesh)
+            }
+        }
+    }
+}

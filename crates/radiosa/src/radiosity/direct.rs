@@ -1,0 +1,133 @@
+//! Light that is not on a surface: what points, spots, suns and skies bring to each element.
+//!
+//! It enters the system as `E_i += ρ_i H_i`, H_i the visible irradiance averaged over the element: over a few points first, over more where they disagree, as
+//! they do at the edge of a shadow.
+
+use rayon::prelude::*;
+
+use super::mesh::{Element, ElementMesh};
+use crate::bsdf::Bsdf;
+use crate::emitter::EnvironmentShadows;
+use crate::math::{Frame, Vec3};
+use crate::sampling::{rng, sequence, warp};
+use crate::scene::LightKind;
+use crate::spectrum::Spectrum;
+use crate::transport::{Emitters, LightSettings, Lights, Shading, Surface, World};
+
+/// Points of an element at first, and where they disagree.
+const POINTS: [u32; 2] = [4, 64];
+
+/// Rays to the sky from each element, or from each sensor.
+const SKY_RAYS: u32 = 256;
+
+/// The lights of a world that are not surfaces.
+#[derive(Debug)]
+pub struct DirectLight<'a> {
+    world: &'a World,
+    lights: Lights,
+    has_lights: bool,
+    /// Radiance from above and below, with the axis, of each hemispherical light.
+    hemispheres: Vec<(Vec3, Spectrum, Spectrum)>,
+    seed: u64,
+}
+
+impl<'a> DirectLight<'a> {
+    /// Prepares the lights of a world and `extra` ones.
+    pub fn new(world: &'a World, extra: &[crate::scene::Light], seed: u64) -> Self {
+        let settings = LightSettings { emitters: Emitters::Ignore, environment_shadows: EnvironmentShadows::On };
+        let all = || world.scene().lights.iter().chain(extra);
+        let hemispheres = all().filter_map(|light| match light.kind {
+            LightKind::Hemispherical { axis, down } => Some((axis.as_vec3().normalize_or(Vec3::Y), light.diffuse, down)),
+            _ => None,
+        });
+        Self {
+            world,
+            has_lights: all().any(|l| !matches!(l.kind, LightKind::Hemispherical { .. } | LightKind::Ambient)),
+            hemispheres: hemispheres.collect(),
+            lights: Lights::prepare_without_skies(world, &settings, extra),
+            seed,
+        }
+    }
+
+    /// Nothing but surfaces gives light.
+    pub fn is_empty(&self) -> bool {
+        !self.has_lights && !self.has_sky()
+    }
+
+    fn has_sky(&self) -> bool {
+        self.world.sky().is_some() || !self.hemispheres.is_empty()
+    }
+
+    /// Mean irradiance of every element, W/m² or lux.
+    pub fn irradiance(&self, mesh: &ElementMesh) -> Vec<[f64; 3]> {
+        if self.is_empty() {
+            return vec![[0.0; 3]; mesh.elements().len()];
+        }
+        let elements = mesh.elements().par_iter().enumerate();
+        elements.map(|(i, element)| self.of_element(mesh, i as u64, element)).collect()
+    }
+
+    fn of_element(&self, mesh: &ElementMesh, i: u64, element: &Element) -> [f64; 3] {
+        let key = rng::key(&[self.seed, i, 0x6469_7265]);
+        let surface = |k: u32| {
+            let u = sequence::point_2d(k, key);
+            mesh.surface(self.world, element, [f64::from(u.x), f64::from(u.y)])
+        };
+        let n = element.normal.as_vec3();
+        let mut sum = [0.0f64; 3];
+        if self.has_lights {
+            let (mut low, mut high) = (f32::INFINITY, 0.0f32);
+            let mut taken = 0;
+            for n_points in POINTS {
+                for k in taken..n_points {
+                    let h = self.from_lights(&surface(k), n);
+                    (low, high) = (low.min(h.luminance()), high.max(h.luminance()));
+                    [h.r, h.g, h.b].into_iter().zip(&mut sum).for_each(|(h, s)| *s += f64::from(h));
+                }
+                taken = n_points;
+                if high - low <= 0.1 * high {
+                    break;
+                }
+            }
+            sum = sum.map(|s| s / f64::from(taken));
+        }
+        if self.has_sky() {
+            let sky = (0..SKY_RAYS).map(|k| self.from_sky(&surface(k), n, k, key)).sum::<Spectrum>() * (1.0 / SKY_RAYS as f32);
+            [sky.r, sky.g, sky.b].into_iter().zip(&mut sum).for_each(|(h, s)| *s += f64::from(h));
+        }
+        sum
+    }
+
+    /// The irradiance at a point, seen from the side of `n` (unit); `key` names the sensor.
+    pub fn at(&self, surface: &Surface, n: Vec3, key: u64) -> Spectrum {
+        let mut sum = if self.has_lights { self.from_lights(surface, n) } else { Spectrum::BLACK };
+        if self.has_sky() {
+            let rays = 4 * SKY_RAYS;
+            sum += (0..rays).map(|k| self.from_sky(surface, n, k, key)).sum::<Spectrum>() * (1.0 / rays as f32);
+        }
+        sum
+    }
+
+    /// Lights with a place or a direction.
+    fn from_lights(&self, surface: &Surface, n: Vec3) -> Spectrum {
+        // A white surface shows E/π.
+        let white = Shading { n, wo: n, bsdf: Bsdf::lambert(Spectrum::WHITE), emission: Spectrum::BLACK, coverage: 1.0 };
+        self.lights.at(self.world, surface, &white, true, &mut 0).diffuse * std::f32::consts::PI
+    }
+
+    /// One ray of a cosine-weighted set: `E = π · mean L`.
+    fn from_sky(&self, surface: &Surface, n: Vec3, k: u32, key: u64) -> Spectrum {
+        let dir = Frame::from_normal(n).to_world(warp::cosine_hemisphere(sequence::point_2d(k, key ^ 0x736B_79)));
+        let radiance = self.sky_radiance(dir);
+        if radiance.is_black() {
+            return radiance;
+        }
+        radiance * self.world.transmittances(&[surface.ray(dir); 8], 1, true, &mut 0)[0] * std::f32::consts::PI
+    }
+
+    /// Radiance from where no surface is.
+    fn sky_radiance(&self, dir: Vec3) -> Spectrum {
+        let sky = self.world.sky().map_or(Spectrum::BLACK, |sky| sky.radiance(dir));
+        self.hemispheres.iter().fold(sky, |sum, (axis, up, down)| sum + if axis.dot(dir) >= 0.0 { *up } else { *down })
+    }
+}

@@ -1,0 +1,336 @@
+//! Elements: the cells of patches that carry a value, one for each side.
+//!
+//! Every quadrilateral is a regular grid of `n_s × n_t` cells, every triangle is cut into `n²` similar ones, all about as large as asked
+//! for. An element is a convex polygon that emits and receives from the side its corners run counter-clockwise on; the back of a cell
+//! is an element of its own, with the corners reversed.
+
+use super::patch::{Patch, Patches};
+use super::sides::{self, Side};
+use crate::accel::Hit;
+use crate::math::polygon::area_vector;
+use crate::math::{DVec3, Ray, Vec3};
+use crate::scene::InstanceId;
+use crate::spectrum::Spectrum;
+use crate::transport::{Surface, World};
+
+/// Cells along one edge of a patch at most.
+const MAX_CELLS: u32 = 1024;
+
+/// How surfaces are divided.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// About how many elements there should be beyond one for each side of a patch; the largest cells are as large as that allows.
+    pub elements: u32,
+    /// The longest edge of an element, metres; overrides `elements`.
+    pub size: Option<f64>,
+    /// Sides to leave out.
+    pub sides: Sides,
+}
+
+/// Which sides of surfaces take part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sides {
+    /// Both, but for those that no light can reach.
+    Lit,
+    /// Both.
+    Both,
+    /// Those the corners run counter-clockwise on.
+    Front,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { elements: 4000, size: None, sides: Sides::Lit }
+    }
+}
+
+/// One cell's one side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Element {
+    /// Index into [`Patches::patches`].
+    pub patch: u32,
+    /// Which side of it.
+    pub side: Side,
+    /// Cell within the patch's grid.
+    pub cell: u32,
+    /// Unit, on the side that emits and receives.
+    pub normal: DVec3,
+    /// m²
+    pub area: f64,
+    corners: [DVec3; 4],
+    n_corners: u8,
+}
+
+impl Element {
+    /// Counter-clockwise seen from the side that emits and receives, world coordinates.
+    pub fn corners(&self) -> &[DVec3] {
+        &self.corners[..usize::from(self.n_corners)]
+    }
+
+    /// Mean of the corners.
+    pub fn centre(&self) -> DVec3 {
+        self.corners().iter().sum::<DVec3>() / f64::from(self.n_corners)
+    }
+
+    /// The image of a point of the unit square: bilinear, or folded into a triangle so that areas keep their proportion.
+    pub fn at(&self, [s, t]: [f64; 2]) -> DVec3 {
+        let [a, b, c, d] = self.corners;
+        if self.n_corners == 4 {
+            return (a * (1.0 - s) + b * s) * (1.0 - t) + (d * (1.0 - s) + c * s) * t;
+        }
+        // [Heitz19], the square's diagonal becomes the triangle's median.
+        let (s, t) = if t > s { (0.5 * s, t - 0.5 * s) } else { (s - 0.5 * t, 0.5 * t) };
+        a + (b - a) * s + (c - a) * t
+    }
+}
+
+/// The cells of one patch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// Cells along the first and the second edge of a quadrilateral, along every edge of a triangle (twice the same): their product is how many
+    /// there are.
+    pub n: [u32; 2],
+    /// First element of the front and of the back; `None` for a side that takes no part.
+    pub first: [Option<u32>; 2],
+}
+
+/// All surfaces of a world, divided.
+#[derive(Clone, Debug)]
+pub struct ElementMesh {
+    patches: Patches,
+    grids: Vec<Grid>,
+    elements: Vec<Element>,
+}
+
+impl ElementMesh {
+    /// Divides the surfaces of a world.
+    pub fn new(world: &World, settings: &Settings) -> Self {
+        let patches = Patches::new(world);
+        let kept = match settings.sides {
+            Sides::Lit => sides::lit(world, &patches),
+            Sides::Both => vec![[true; 2]; patches.patches.len()],
+            Sides::Front => vec![[true, false]; patches.patches.len()],
+        };
+        let size = settings.size.unwrap_or_else(|| size_for(&patches.patches, &kept, settings.elements));
+        let mut mesh = Self { grids: Vec::with_capacity(patches.patches.len()), patches, elements: Vec::new() };
+        for (p, kept) in kept.iter().enumerate() {
+            let patch = mesh.patches.patches[p];
+            let n = cells(&patch, size);
+            let mut grid = Grid { n, first: [None; 2] };
+            for side in [Side::Front, Side::Back] {
+                if kept[side as usize] {
+                    grid.first[side as usize] = Some(mesh.elements.len() as u32);
+                    let of_cell = |cell| element(&patch, n, cell, p as u32, side);
+                    mesh.elements.extend((0..n[0] * n[1]).map(of_cell));
+                }
+            }
+            mesh.grids.push(grid);
+        }
+        mesh
+    }
+
+    /// In the order of patches; of one patch the front before the back.
+    pub fn elements(&self) -> &[Element] {
+        &self.elements
+    }
+
+    /// What the elements are cells of.
+    pub fn patches(&self) -> &[Patch] {
+        &self.patches.patches
+    }
+
+    /// By patch.
+    pub fn grids(&self) -> &[Grid] {
+        &self.grids
+    }
+
+    /// The element a ray of direction `dir` met at `p`; `None` on a side that takes no part, and on what has no patches.
+    pub fn element_at(&self, hit: &Hit, p: Vec3, dir: Vec3) -> Option<u32> {
+        let index = self.patches.of_triangle(InstanceId(hit.instance), hit.primitive)?;
+        let patch = &self.patches.patches[index as usize];
+        let side = if area_vector(patch.corners()).dot(dir.as_dvec3()) <= 0.0 { Side::Front } else { Side::Back };
+        let grid = &self.grids[index as usize];
+        let first = grid.first[side as usize]?;
+        let [s, t] = if grid.n == [1, 1] { [0.0; 2] } else { patch.parameters(p.as_dvec3()) };
+        Some(first + cell_at(patch, grid.n, [s, t]))
+    }
+
+    /// The surface at a point of an element's unit square ([`Element::at`]).
+    pub fn surface(&self, world: &World, element: &Element, at: [f64; 2]) -> Surface {
+        surface_of(world, &self.patches.patches[element.patch as usize], element.at(at), element.normal)
+    }
+}
+
+/// The surface at a point of a patch, as a ray against `normal` would meet it.
+pub(super) fn surface_of(world: &World, patch: &Patch, p: DVec3, normal: DVec3) -> Surface {
+    let scene = world.scene();
+    let instance = &scene.instances[patch.instance.index()];
+    let crate::scene::Geometry::Mesh(id) = instance.geometry else { unreachable!("patches are parts of meshes") };
+    let mesh = &scene.meshes[id.index()];
+    let weights = |triangle: u32| {
+        let [a, b, c] = mesh.triangles[triangle as usize]
+            .map(|v| instance.transform.transform_point3(mesh.positions[v as usize]) - world.origin());
+        let n = (b - a).cross(c - a);
+        let whole = n.length_squared();
+        let (u, v) = ((p - a).cross(c - a).dot(n) / whole, (b - a).cross(p - a).dot(n) / whole);
+        [1.0 - u - v, u, v]
+    };
+    let least = |w: [f64; 3]| w.into_iter().fold(f64::INFINITY, f64::min);
+    let [first, second] = patch.triangles;
+    let mut triangle = first;
+    let mut w = weights(first);
+    if second != first {
+        let other = weights(second);
+        if least(other) > least(w) {
+            (triangle, w) = (second, other);
+        }
+    }
+    let w = w.map(|w| if w.is_finite() { w.max(0.0) } else { 1.0 });
+    let sum = w[0] + w[1] + w[2];
+    let hit = Hit { t: 0.0, instance: patch.instance.0, primitive: triangle, u: (w[1] / sum) as f32, v: (w[2] / sum) as f32 };
+    world.surface(&Ray::new(p.as_vec3(), -normal.as_vec3()), &hit)
+}
+
+/// Cells along the edges for elements no longer than `size`.
+fn cells(patch: &Patch, size: f64) -> [u32; 2] {
+    let c = patch.corners();
+    let edge = |i: usize| (c[(i + 1) % c.len()] - c[i]).length();
+    let along = |length: f64| ((length / size - 1e-6).ceil().max(1.0) as u32).min(MAX_CELLS);
+    if patch.is_quad() {
+        [along(edge(0).max(edge(2))), along(edge(1).max(edge(3)))]
+    } else {
+        // As large as a square of that edge, about: two triangles to a cell.
+        let n = along((2.0 * patch.area()).sqrt().max(0.5 * edge(0).max(edge(1)).max(edge(2))));
+        [n, n]
+    }
+}
+
+/// The longest edge with which there are about `wanted` elements beyond one for each kept side.
+fn size_for(patches: &[Patch], kept: &[[bool; 2]], wanted: u32) -> f64 {
+    let n_sides = |k: &[bool; 2]| u64::from(k[0]) + u64::from(k[1]);
+    let sides: u64 = kept.iter().map(n_sides).sum();
+    let target = sides + u64::from(wanted);
+    let area: f64 = patches.iter().zip(kept).map(|(p, k)| p.area() * n_sides(k) as f64).sum();
+    if area <= 0.0 || wanted == 0 {
+        return f64::INFINITY;
+    }
+    let total = |size: f64| -> u64 {
+        let count = |p: &Patch| cells(p, size).map(u64::from).iter().product::<u64>();
+        patches.iter().zip(kept).map(|(p, k)| count(p) * n_sides(k)).sum()
+    };
+    // Halving the logarithm: the count falls with the size.
+    let (mut low, mut high) = ((area / target as f64).sqrt() * 0.25, area.sqrt().max(1e-300) * 8.0);
+    for _ in 0..40 {
+        let middle = (low * high).sqrt();
+        if total(middle) > target {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+/// Cell `(i, j)`: a square of the grid; in a triangle `upper` names the one turned around.
+fn element(patch: &Patch, n: [u32; 2], cell: u32, index: u32, side: Side) -> Element {
+    let corner = |i: u32, j: u32| patch.at([f64::from(i) / f64::from(n[0]), f64::from(j) / f64::from(n[1])]);
+    let (mut corners, n_corners) = if patch.is_quad() {
+        let (i, j) = (cell % n[0], cell / n[0]);
+        ([corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)], 4)
+    } else {
+        let (i, j, upper) = triangle_cell(n[0], cell);
+        let c = if upper {
+            [corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)]
+        } else {
+            [corner(i, j), corner(i + 1, j), corner(i, j + 1)]
+        };
+        ([c[0], c[1], c[2], c[2]], 3)
+    };
+    if side == Side::Back {
+        corners[..n_corners].reverse();
+        corners[3] = corners[n_corners - 1];
+    }
+    let area = area_vector(&corners[..n_corners]);
+    let length = area.length();
+    Element { patch: index, side, cell, normal: area / length, area: length, corners, n_corners: n_corners as u8 }
+}
+
+/// The row `j`, the column `i` and the kind of a cell of a triangle with `n` cells along each edge. Row `j` has `2 (n − j) − 1` cells.
+fn triangle_cell(n: u32, cell: u32) -> (u32, u32, bool) {
+    // Rows before row j hold j (2 n − j) cells.
+    let mut j = n - f64::from(n * n - cell).sqrt().ceil() as u32;
+    while (j + 1) * (2 * n - j - 1) <= cell {
+        j += 1;
+    }
+    while j * (2 * n - j) > cell {
+        j -= 1;
+    }
+    let k = cell - j * (2 * n - j);
+    (k / 2, j, k % 2 == 1)
+}
+
+/// The cell that parameters fall into.
+fn cell_at(patch: &Patch, n: [u32; 2], [s, t]: [f64; 2]) -> u32 {
+    let (x, y) = (s * f64::from(n[0]), t * f64::from(n[1]));
+    let (i, j) = ((x as u32).min(n[0] - 1), (y as u32).min(n[1] - 1));
+    if patch.is_quad() {
+        return j * n[0] + i;
+    }
+    let n = n[0];
+    let (fx, fy) = (x - f64::from(i), y - f64::from(j));
+    let i = i.min(n - 1 - j);
+    let upper = fx + fy > 1.0 && i + j + 1 < n;
+    j * (2 * n - j) + 2 * i + u32::from(upper)
+}
+
+/// What a surface is made of, averaged over one element.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Matter {
+    /// ρ: the reflectance of its diffuse part.
+    pub reflectance: Spectrum,
+    /// E = π L_e, W/m² or lm/m².
+    pub emission: Spectrum,
+}
+
+impl ElementMesh {
+    /// Reflectance and emission of an element: at its centre where the material is constant, over a fixed pattern where it has textures or alpha.
+    pub fn matter(&self, world: &World, element: &Element) -> Matter {
+        const SIDE: u32 = 4;
+        let patch = &self.patches.patches[element.patch as usize];
+        let side = if sides::is_constant(world, patch) { 1 } else { SIDE };
+        let mut sum = Matter::default();
+        let weight = 1.0 / (side * side) as f32;
+        for i in 0..side * side {
+            let at = [i % side, i / side].map(|k| (f64::from(k) + 0.5) / f64::from(side));
+            let surface = self.surface(world, element, at);
+            let coverage = weight * world.opacity(&surface);
+            let shading = world.shading(&surface, element.normal.as_vec3());
+            sum.reflectance += shading.bsdf.diffuse_reflectance() * coverage;
+            sum.emission += shading.emission * (coverage * std::f32::consts::PI);
+        }
+        sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cells_of_a_triangle_are_numbered_row_by_row() {
+        for n in [1, 2, 3, 7, 64, 1024] {
+            let mut cell = 0;
+            for j in 0..n {
+                for i in 0..n - j {
+                    assert_eq!(triangle_cell(n, cell), (i, j, false));
+                    cell += 1;
+                    if i + 1 < n - j {
+                        assert_eq!(triangle_cell(n, cell), (i, j, true));
+                        cell += 1;
+                    }
+                }
+            }
+            assert_eq!(cell, n * n);
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! Which sides of surfaces light can reach.
+//!
+//! A wall has two sides, and one of them usually faces nothing that matters: the outside of a room, the inside of a solid. Rays from random points of
+//! every side tell which sides see each other; sides are joined to groups by that, and a group without any source of light is dropped. A group is
+//! kept whole, so a gap that few rays find still joins what lies on both sides of it when one ray does.
+
+use rayon::prelude::*;
+
+use super::mesh::surface_of;
+use super::patch::{Patch, Patches};
+use crate::math::polygon::area_vector;
+use crate::math::{DVec3, Frame, Vec2};
+use crate::sampling::{rng, sequence, warp};
+use crate::scene::{AlphaMode, InstanceId, Model};
+use crate::transport::World;
+
+/// Rays of one side, at least and at most.
+const RAYS: [u32; 2] = [8, 256];
+
+/// Rays of all sides, about.
+const BUDGET: u32 = 1 << 21;
+
+/// A side of a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Side {
+    /// From where corners run counter-clockwise.
+    Front = 0,
+    /// The other.
+    Back = 1,
+}
+
+/// The same reflectance, emission and presence everywhere on a patch.
+pub(super) fn is_constant(world: &World, patch: &Patch) -> bool {
+    let material = world.material(patch.material);
+    let scene = world.scene();
+    let has_colors = match scene.instances[patch.instance.index()].geometry {
+        crate::scene::Geometry::Mesh(id) => scene.meshes[id.index()].colors.is_some(),
+        _ => false,
+    };
+    let base = match &material.model {
+        Model::Phong(m) => m.diffuse.texture.is_none(),
+        Model::CookTorrance(m) => m.diffuse.texture.is_none(),
+        Model::MetallicRoughness(m) => m.base_color.texture.is_none() && m.metallic.texture.is_none(),
+    };
+    base && !has_colors && material.emission.texture.is_none() && material.alpha.mode == AlphaMode::Opaque
+}
+
+/// By patch and side: light may reach it.
+pub(super) fn lit(world: &World, patches: &Patches) -> Vec<[bool; 2]> {
+    let n = patches.patches.len();
+    let scene = world.scene();
+    let rays = (BUDGET / (2 * n as u32).max(1)).clamp(RAYS[0], RAYS[1]);
+    // What leaves the scene may meet a sky; lights without a place light from everywhere.
+    let sky =
+        world.sky().is_some() || scene.lights.iter().any(|l| matches!(l.kind, crate::scene::LightKind::Hemispherical { .. }));
+    let placeless: Vec<&crate::scene::Light> = scene.lights.iter().collect();
+    let seen: Vec<(Vec<u32>, bool)> = (0..2 * n)
+        .into_par_iter()
+        .map(|node| {
+            let patch = &patches.patches[node / 2];
+            let side = node % 2;
+            let normal = area_vector(patch.corners()).normalize_or_zero() * if side == 0 { 1.0 } else { -1.0 };
+            if normal == DVec3::ZERO {
+                return (Vec::new(), false);
+            }
+            let material = world.material(patch.material);
+            let mut is_lit = material.is_emissive() && (side == 0 || material.two_sided);
+            let frame = Frame::from_normal(normal.as_vec3());
+            let (mut met, key) = (Vec::new(), rng::key(&[node as u64, 0x7369_6465]));
+            for i in 0..rays {
+                let surface = surface_of(world, patch, inside(patch, sequence::point_2d(i, key)), normal);
+                let dir = frame.to_world(warp::cosine_hemisphere(sequence::point_2d(i, key ^ 1)));
+                match world.closest_visible(&surface.ray(dir)) {
+                    None => is_lit |= sky,
+                    Some((hit, _)) => {
+                        if let Some(other) = patches.of_triangle(InstanceId(hit.instance), hit.primitive) {
+                            let front = area_vector(patches.patches[other as usize].corners()).dot(dir.as_dvec3()) <= 0.0;
+                            met.push(2 * other + u32::from(!front));
+                        }
+                    }
+                }
+                if !is_lit && i < 32 {
+                    is_lit = placeless.iter().any(|light| reaches(world, light, &surface, normal));
+                }
+            }
+            met.sort_unstable();
+            met.dedup();
+            (met, is_lit)
+        })
+        .collect();
+    let mut group: Vec<u32> = (0..2 * n as u32).collect();
+    for (node, (met, _)) in seen.iter().enumerate() {
+        for &other in met {
+            let (a, b) = (root(&mut group, node as u32), root(&mut group, other));
+            group[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut has_light = vec![false; 2 * n];
+    for (node, (_, is_lit)) in seen.iter().enumerate() {
+        let root = root(&mut group, node as u32);
+        has_light[root as usize] |= is_lit;
+    }
+    (0..n as u32).map(|p| [0, 1].map(|side| has_light[root(&mut group, 2 * p + side) as usize])).collect()
+}
+
+/// The representative of a group, with its path halved.
+fn root(group: &mut [u32], mut node: u32) -> u32 {
+    while group[node as usize] != node {
+        group[node as usize] = group[group[node as usize] as usize];
+        node = group[node as usize];
+    }
+    node
+}
+
+/// A point of a patch, uniform for triangles and parallelograms.
+fn inside(patch: &Patch, u: Vec2) -> DVec3 {
+    let (s, t) = (f64::from(u.x), f64::from(u.y));
+    patch.at(if patch.is_quad() || s + t <= 1.0 { [s, t] } else { [1.0 - s, 1.0 - t] })
+}
+
+/// A light that is not a surface sees a point.
+fn reaches(world: &World, light: &crate::scene::Light, surface: &crate::transport::Surface, normal: DVec3) -> bool {
+    use crate::emitter::{Emitter, EnvironmentShadows};
+    let mut found = false;
+    let emitter = Emitter::prepare(light, world.origin(), EnvironmentShadows::On);
+    emitter.for_each_incident(surface.p, &mut |incident| {
+        if !found && normal.dot(incident.wi.as_dvec3()) > 0.0 {
+            let ray = incident.target.map_or_else(|| surface.ray(incident.wi), |target| surface.segment_to(target));
+            let mut n = 0;
+            found = !world.transmittances(&[ray; 8], 1, true, &mut n)[0].is_black();
+        }
+    });
+    found
+}
