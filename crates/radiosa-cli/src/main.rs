@@ -5,10 +5,12 @@
 mod args;
 mod error;
 mod interrupt;
+mod measure;
 mod progress;
 mod render;
 mod scenes;
 mod sheet;
+mod solve;
 mod version;
 
 use std::process::ExitCode;
@@ -33,6 +35,7 @@ fn run(args: args::Arguments) -> Result<ExitCode, error::Error> {
     match args.verb {
         Some(args::Verb::Render(render)) => render::run(&render, args.json),
         Some(args::Verb::Sheet(sheet)) => sheet::run(&sheet, args.json),
+        Some(args::Verb::Measure(measure)) => measure::run(&measure, args.json),
         Some(args::Verb::Scenes(scenes)) => scenes::run(scenes, args.json),
         Some(args::Verb::Info(info)) => version::info(&info, args.json),
         None => {

@@ -92,4 +92,6 @@ pub mod raytrace;
 
 pub mod radiosity;
 
+pub mod measure;
+
 pub mod export;

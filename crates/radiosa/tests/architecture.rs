@@ -9,7 +9,7 @@ const LAYERS: [&[&str]; 6] = [
     &["accel", "raster", "bsdf", "emitter"],
     &["transport"],
     &["scanline", "raytrace", "radiosity"],
-    &["export"],
+    &["measure", "export"],
 ];
 
 fn layer(module: &str) -> Option<usize> {

@@ -1,10 +1,16 @@
 //! Every option of the command, defined once; help and completions derive from it.
 
+mod measure;
 mod picture;
+mod radiosity;
 mod sheet;
 mod value;
 
-pub(crate) use picture::{Cull, Filter, Fresnel, Interpolation, Method, OnOff, Picture, TextureFilter, ToneMap, Up, Viewer};
+pub(crate) use measure::{Measure, MeasureMethod};
+pub(crate) use picture::{
+    Cull, Filter, Fresnel, Interpolation, Method, OnOff, Picture, SceneChanges, TextureFilter, ToneMap, Up, Viewer,
+};
+pub(crate) use radiosity::{Radiosity, Solver, Spread};
 pub(crate) use sheet::Sheet;
 pub(crate) use value::{Emitters, Exposure, Size, parse_color};
 
@@ -49,6 +55,8 @@ pub(crate) enum Verb {
     Render(Box<Render>),
     /// Make a labelled sheet of pictures over any two parameters, or a built-in figure
     Sheet(Box<Sheet>),
+    /// Measure irradiance or illuminance at points or on a grid
+    Measure(Box<Measure>),
     /// List the built-in scenes, or write one as files
     Scenes(Scenes),
     /// Show the recipe inside a picture: how it was made

@@ -3,6 +3,7 @@
 use clap::{Args, ValueEnum};
 use radiosa::import::Override;
 
+use super::Radiosity;
 use super::value::{Emitters, Exposure, Size, parse_color, parse_fraction, parse_scale};
 
 /// Everything that decides about the light in a picture, whatever is done with it.
@@ -90,6 +91,25 @@ pub(crate) struct Picture {
     #[arg(long, value_enum, default_value_t = OnOff::On)]
     pub(crate) default_light: OnOff,
 
+    /// Brightness of the picture: a factor, or "auto" [default: 1 for radiometric scenes, auto for photometric ones]
+    #[arg(long, value_name = "FACTOR|auto")]
+    pub(crate) exposure: Option<Exposure>,
+
+    /// How light becomes display values
+    #[arg(long, value_enum, default_value_t = ToneMap::Clamp)]
+    pub(crate) tone_map: ToneMap,
+
+    #[command(flatten)]
+    pub(crate) scene: SceneChanges,
+
+    #[command(flatten)]
+    pub(crate) radiosity: Radiosity,
+}
+
+/// What is changed in a scene, whatever is then done with it.
+#[derive(Args, Clone, Debug, PartialEq)]
+#[command(next_help_heading = "The scene")]
+pub(crate) struct SceneChanges {
     /// Light the scene with an environment map (.hdr, .exr), "none" to remove the scene's own, or a constant radiance r,g,b
     #[arg(long, value_name = "FILE|none|R,G,B")]
     pub(crate) environment: Option<String>,
@@ -114,14 +134,6 @@ pub(crate) struct Picture {
     #[arg(long, value_enum, default_value_t = OnOff::On)]
     pub(crate) blending: OnOff,
 
-    /// Brightness of the picture: a factor, or "auto" [default: 1 for radiometric scenes, auto for photometric ones]
-    #[arg(long, value_name = "FACTOR|auto")]
-    pub(crate) exposure: Option<Exposure>,
-
-    /// How light becomes display values
-    #[arg(long, value_enum, default_value_t = ToneMap::Clamp)]
-    pub(crate) tone_map: ToneMap,
-
     /// Which axis of the input file points up [default: y]
     #[arg(long, value_enum)]
     pub(crate) up: Option<Up>,
@@ -139,6 +151,8 @@ pub(crate) enum Method {
     Raycast,
     /// Ray casting that follows mirrors and glass
     Whitted,
+    /// Light from surface to surface, solved for the whole scene before it is looked at
+    Radiosity,
     /// Faces projected, scan converted and z-buffered; local reflection models, no shadows
     Scanline,
 }

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use radiosa::emitter::EnvironmentShadows;
 use radiosa::film::{self, Film, Layer};
+use radiosa::radiosity::{self, display::Display};
 use radiosa::raytrace::{RayCast, Whitted, adaptive, ray_cast, tiles, whitted};
 use radiosa::scanline::{self, ScanLine};
 use radiosa::scene::{Light, Material, Model};
@@ -52,13 +53,14 @@ impl Choice {
             Method::Auto | Method::Raycast => "raycast",
             Method::Whitted => "whitted",
             Method::Scanline => "scanline",
+            Method::Radiosity => "radiosity",
         }
     }
 
     /// What its work is counted in.
     pub(crate) fn unit(self) -> &'static str {
         match self.method {
-            Method::Auto | Method::Raycast | Method::Whitted => "rays",
+            Method::Auto | Method::Raycast | Method::Whitted | Method::Radiosity => "rays",
             Method::Scanline => "triangles",
         }
     }
@@ -165,6 +167,17 @@ pub(crate) fn draw(
                 footprint: footprint(stage, picture),
             };
             trace(&Whitted::new(world, &settings, view.forward()), stage, picture, lighting, sampling, watch)
+        }
+        Method::Radiosity => {
+            let settings = crate::solve::settings(&picture.radiosity, picture.seed, &lighting.extra_lights);
+            let solution = radiosity::solve(world, &settings);
+            let spread = match picture.radiosity.spread {
+                args::Spread::Flat => radiosity::display::Interpolation::Flat,
+                args::Spread::Gouraud => radiosity::display::Interpolation::Gouraud,
+            };
+            let display = Display::new(world, &solution, spread, footprint(stage, picture))
+                .with_backdrop(default_light::has_backdrop(world, &lighting.extra_lights));
+            trace(&display, stage, picture, lighting, sampling, watch)
         }
         Method::Scanline => {
             let settings = scanline::Settings {

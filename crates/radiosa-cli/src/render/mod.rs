@@ -43,7 +43,7 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
         image::check_target(output)?;
     }
     let mut warnings = Vec::new();
-    let scene = plan::load(&args.scene, picture, work, &mut warnings)?;
+    let scene = plan::load(&args.scene, &picture.scene, work, &mut warnings)?;
     let outputs = if args.output.is_empty() { vec![output::default_output(&scene)] } else { args.output.clone() };
     for output in &outputs {
         image::check_target(output)?;

@@ -10,7 +10,7 @@ use radiosa::scene::{Camera, Environment, EnvironmentRadiance, Filter, Projectio
 use radiosa::spectrum::Spectrum;
 use radiosa::transport::{View, World, framing};
 
-use crate::args::{self, OnOff, Picture, Size, TextureFilter, Work};
+use crate::args::{self, Method, OnOff, Picture, SceneChanges, Size, TextureFilter, Work};
 use crate::error::Error;
 
 /// A scene ready to be drawn, from one camera at one size.
@@ -30,10 +30,12 @@ impl Stage {
     ///
     /// # Errors
     /// When it takes too much memory, is wrong, or has no such camera.
-    pub(crate) fn new(scene: Scene, picture: &Picture, work: &Work) -> Result<Self, Error> {
+    pub(crate) fn new(mut scene: Scene, picture: &Picture, work: &Work) -> Result<Self, Error> {
         let cpu_path = cpu_path(work.cpu_path)?;
-        // About what the prepared world takes a primitive, and the pictures.
-        let memory = scene.n_primitives() * 230 + scene.images.iter().map(image_bytes).sum::<u64>();
+        if picture.method == Method::Radiosity {
+            radiosa::radiosity::tessellate(&mut scene, picture.radiosity.sphere_rings);
+        }
+        let memory = scene_memory(&scene);
         within_memory("the scene", memory, work)?;
         let start = Instant::now();
         let world = World::prepare(scene, cpu_path)?;
@@ -47,6 +49,21 @@ impl Stage {
     pub(crate) fn memory_with(&self, layers: &[Layer]) -> u64 {
         self.memory + 2 * Film::memory(self.size.width, self.size.height, layers)
     }
+}
+
+/// A scene prepared without a camera.
+///
+/// # Errors
+/// When it takes too much memory or is wrong.
+pub(crate) fn prepare(scene: Scene, work: &Work) -> Result<World, Error> {
+    let cpu_path = cpu_path(work.cpu_path)?;
+    within_memory("the scene", scene_memory(&scene), work)?;
+    Ok(World::prepare(scene, cpu_path)?)
+}
+
+/// About what a prepared world takes, bytes: so much a primitive, and the pictures.
+fn scene_memory(scene: &Scene) -> u64 {
+    scene.n_primitives() * 230 + scene.images.iter().map(image_bytes).sum::<u64>()
 }
 
 /// An error when something of a known size is more than what is allowed.
@@ -85,19 +102,19 @@ pub(crate) fn cpu_path(choice: args::CpuPath) -> Result<CpuPath, Error> {
 }
 
 /// The scene, built in or from a file, with what the command line changes.
-pub(crate) fn load(name: &str, picture: &Picture, work: &Work, warnings: &mut Vec<Warning>) -> Result<Scene, Error> {
+pub(crate) fn load(name: &str, changes: &SceneChanges, work: &Work, warnings: &mut Vec<Warning>) -> Result<Scene, Error> {
     let options = import_options(work);
     let path = Path::new(name);
-    let scene = if let Some(scene) = import::sample::load_with(name, &picture.set) {
+    let scene = if let Some(scene) = import::sample::load_with(name, &changes.set) {
         scene?
     } else if path.exists() || path.extension().is_some() {
-        let (scene, found) = import::load_with(path, &picture.set, &options)?;
+        let (scene, found) = import::load_with(path, &changes.set, &options)?;
         warnings.extend(found);
         scene
     } else {
         return Err(crate::scenes::unknown(name));
     };
-    adjust(scene, picture, work)
+    adjust(scene, changes, work)
 }
 
 fn import_options(work: &Work) -> import::Options {
@@ -108,33 +125,33 @@ fn import_options(work: &Work) -> import::Options {
 ///
 /// # Errors
 /// When an environment cannot be read.
-pub(crate) fn adjust(mut scene: Scene, picture: &Picture, work: &Work) -> Result<Scene, Error> {
-    if picture.up.is_some() || picture.scale.is_some() {
-        let up = match picture.up {
+pub(crate) fn adjust(mut scene: Scene, changes: &SceneChanges, work: &Work) -> Result<Scene, Error> {
+    if changes.up.is_some() || changes.scale.is_some() {
+        let up = match changes.up {
             // Turns +z up into +y up.
             Some(args::Up::Z) => DMat3::from_rotation_x(-std::f64::consts::FRAC_PI_2),
             _ => DMat3::IDENTITY,
         };
-        scene.transform(up, picture.scale.unwrap_or(1.0));
+        scene.transform(up, changes.scale.unwrap_or(1.0));
     }
-    if let Some(ambient) = picture.ambient {
+    if let Some(ambient) = changes.ambient {
         scene.ambient = ambient.into();
     }
-    if let Some(background) = picture.background {
+    if let Some(background) = changes.background {
         scene.background = background.into();
     }
-    match picture.environment.as_deref() {
+    match changes.environment.as_deref() {
         None => {}
         Some("none") => scene.environment = None,
         Some(text) => scene.environment = Some(environment(text, &mut scene, work)?),
     }
-    match picture.texture_filter {
+    match changes.texture_filter {
         TextureFilter::Scene => {}
         TextureFilter::Nearest => scene.set_texture_filter(Filter::Nearest),
         TextureFilter::Bilinear => scene.set_texture_filter(Filter::Bilinear),
         TextureFilter::Mipmap => scene.set_texture_filter(Filter::Mipmap),
     }
-    if picture.blending == OnOff::Off {
+    if changes.blending == OnOff::Off {
         scene.remove_transparency();
     }
     Ok(scene)

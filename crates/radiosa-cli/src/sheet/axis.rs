@@ -143,7 +143,7 @@ impl Change {
         match self {
             Self::Scene(name) => cell.scene.clone_from(name),
             Self::Layer(layer) => cell.layer = *layer,
-            Self::Set(value) => cell.picture.set.push(value.clone()),
+            Self::Set(value) => cell.picture.scene.set.push(value.clone()),
             Self::Option { name, value } => {
                 // Colours are written without brackets there.
                 let value = value.trim_start_matches('[').trim_end_matches(']');
@@ -206,7 +206,7 @@ mod tests {
         for change in Axis::parse("ambient=[0.1,0.2,0.3]", None).expect("known").entries[0].changes.iter() {
             change.apply(&mut cell).expect("it fits");
         }
-        assert_eq!((cell.picture.spp, cell.picture.seed, cell.picture.ambient), (9, 3, Some([0.1, 0.2, 0.3])));
+        assert_eq!((cell.picture.spp, cell.picture.seed, cell.picture.scene.ambient), (9, 3, Some([0.1, 0.2, 0.3])));
         let wrong = Change::new("spp", "many").expect("known");
         assert!(wrong.apply(&mut cell).is_err());
     }

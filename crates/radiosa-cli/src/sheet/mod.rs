@@ -122,7 +122,7 @@ fn sheet(args: &Sheet, json: bool) -> Result<ExitCode, Error> {
                 "scene": plan.cells[i].scene,
                 "layer": plan.cells[i].layer.name(),
                 "method": drawn[i].as_ref().map(|d| d.method),
-                "set": plan.cells[i].picture.set.iter().map(ToString::to_string).collect::<Vec<_>>(),
+                "set": plan.cells[i].picture.scene.set.iter().map(ToString::to_string).collect::<Vec<_>>(),
                 "mean_radiance": drawn[i].as_ref().map(|d| output::mean(&d.film)),
                 "done": drawn[i].as_ref().map_or(0.0, |d| d.done),
                 "exposure": shown[i].map(|s| s.factor),
@@ -162,9 +162,9 @@ fn plan_sheet(args: &Sheet) -> Result<Plan, Error> {
             let figure = figure::get(name)?;
             base.scene = figure.scene;
             // What stands on the command line counts more than what stands in the figure.
-            let given = std::mem::take(&mut base.picture.set);
+            let given = std::mem::take(&mut base.picture.scene.set);
             figure.with.iter().filter(|c| !c.is_one_of(&args.given)).try_for_each(|change| change.apply(&mut base))?;
-            base.picture.set.extend(given);
+            base.picture.scene.set.extend(given);
             base.picture.size = base.picture.size.or(Some(figure.size));
             (figure.rows, figure.columns, figure.title, figure.own_exposure, name.as_str())
         }
@@ -222,9 +222,9 @@ fn cell_size(cell: &Cell, work: &Work, warnings: &mut Vec<Warning>) -> Result<Si
 }
 
 fn stage(cell: &Cell, work: &Work, warnings: &mut Vec<Warning>) -> Result<Stage, Error> {
-    let scene = match figure::scene(&cell.scene, &cell.picture.set) {
-        Some(scene) => plan::adjust(scene?, &cell.picture, work)?,
-        None => plan::load(&cell.scene, &cell.picture, work, warnings)?,
+    let scene = match figure::scene(&cell.scene, &cell.picture.scene.set) {
+        Some(scene) => plan::adjust(scene?, &cell.picture.scene, work)?,
+        None => plan::load(&cell.scene, &cell.picture.scene, work, warnings)?,
     };
     Stage::new(scene, &cell.picture, work)
 }

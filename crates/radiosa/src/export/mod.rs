@@ -6,4 +6,4 @@
 pub mod image;
 mod target;
 
-pub use target::{ExportError, write_atomically};
+pub use target::{ExportError, check_writable, write_atomically};

@@ -80,7 +80,7 @@ fn temporary_beside(path: &Path) -> io::Result<tempfile::NamedTempFile> {
 ///
 /// # Errors
 /// When `path` is a folder, its own folder is missing, or does not let us write.
-pub(super) fn check_writable(path: &Path) -> Result<(), ExportError> {
+pub fn check_writable(path: &Path) -> Result<(), ExportError> {
     let folder = folder_of(path);
     let refuse = |why: String| ExportError::Folder { path: path.to_path_buf(), folder: folder.to_path_buf(), why };
     if path.is_dir() {

@@ -155,6 +155,43 @@ impl ElementMesh {
         Some(first + cell_at(patch, grid.n, [s, t]))
     }
 
+    /// The element a ray of direction `dir` met at `p`, and the weights of its corners there, which sum to one: bilinear in a quadrilateral's cell,
+    /// barycentric in a triangle's (the fourth is zero).
+    pub fn weights_at(&self, hit: &Hit, p: Vec3, dir: Vec3) -> Option<(u32, [f32; 4])> {
+        let index = self.element_at(hit, p, dir)?;
+        let element = &self.elements[index as usize];
+        let patch = &self.patches.patches[element.patch as usize];
+        let n = self.grids[element.patch as usize].n;
+        let [s, t] = patch.parameters(p.as_dvec3());
+        let (x, y) = (s * f64::from(n[0]), t * f64::from(n[1]));
+        let mut weights = if patch.is_quad() {
+            let (i, j) = (element.cell % n[0], element.cell / n[0]);
+            let (s, t) = ((x - f64::from(i)).clamp(0.0, 1.0), (y - f64::from(j)).clamp(0.0, 1.0));
+            [(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t]
+        } else {
+            let (i, j, upper) = triangle_cell(n[0], element.cell);
+            let (s, t) = ((x - f64::from(i)).clamp(0.0, 1.0), (y - f64::from(j)).clamp(0.0, 1.0));
+            // The one turned around has the corners (1, 0), (1, 1), (0, 1).
+            if upper { [1.0 - t, s + t - 1.0, 1.0 - s, 0.0] } else { [1.0 - s - t, s, t, 0.0] }
+        };
+        if element.side == Side::Back {
+            weights[..usize::from(element.n_corners)].reverse();
+        }
+        Some((index, weights.map(|w| w as f32)))
+    }
+
+    /// No corner of the element lies on the border of its patch.
+    pub(super) fn is_inner(&self, element: &Element) -> bool {
+        let n = self.grids[element.patch as usize].n;
+        if self.patches.patches[element.patch as usize].is_quad() {
+            let (i, j) = (element.cell % n[0], element.cell / n[0]);
+            i > 0 && j > 0 && i + 1 < n[0] && j + 1 < n[1]
+        } else {
+            let (i, j, upper) = triangle_cell(n[0], element.cell);
+            i > 0 && j > 0 && i + j + 2 + u32::from(upper) < n[0]
+        }
+    }
+
     /// The surface at a point of an element's unit square ([`Element::at`]).
     pub fn surface(&self, world: &World, element: &Element, at: [f64; 2]) -> Surface {
         surface_of(world, &self.patches.patches[element.patch as usize], element.at(at), element.normal)
@@ -256,7 +293,7 @@ fn element(patch: &Patch, n: [u32; 2], cell: u32, index: u32, side: Side) -> Ele
 }
 
 /// The row `j`, the column `i` and the kind of a cell of a triangle with `n` cells along each edge. Row `j` has `2 (n − j) − 1` cells.
-fn triangle_cell(n: u32, cell: u32) -> (u32, u32, bool) {
+pub(super) fn triangle_cell(n: u32, cell: u32) -> (u32, u32, bool) {
     // Rows before row j hold j (2 n − j) cells.
     let mut j = n - f64::from(n * n - cell).sqrt().ceil() as u32;
     while (j + 1) * (2 * n - j - 1) <= cell {

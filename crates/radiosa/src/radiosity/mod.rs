@@ -13,6 +13,7 @@
 //! Only diffuse reflection takes part: other lobes are left to methods that trace rays.
 
 pub mod direct;
+pub mod display;
 pub mod form_factor;
 pub mod gather;
 pub mod matrix;
@@ -22,6 +23,8 @@ mod sides;
 pub mod solution;
 pub mod solve;
 pub mod system;
+mod tessellate;
 
 pub use sides::Side;
 pub use solution::{Settings, Solution, solve};
+pub use tessellate::tessellate;

@@ -1,6 +1,5 @@
 //! Methods that trace rays from the eye: [`ray_cast`] and [`whitted`]; each is an [`Integrator`], and [`tiles`] turns any of them into a picture, [`adaptive`] with samples where they are needed.
 
-mod eye;
 pub mod ray_cast;
 pub mod whitted;
 

@@ -4,12 +4,12 @@
 //! interreflected: mirrors show only their highlights. A surface that is partly transparent, by alpha or by transmission, lets the
 //! same straight ray go on behind it, and shadow rays likewise; nothing is bent.
 
-use super::eye::{self, BEHIND_MAX, NEGLIGIBLE};
 use crate::film::Pixel;
 use crate::math::{Ray, Vec3};
 use crate::sampling::Stream;
 use crate::scene::Light;
 use crate::spectrum::Spectrum;
+use crate::transport::eye::{self, BEHIND_MAX, NEGLIGIBLE};
 use crate::transport::{Footprint, Integrator, LightSettings, Lights, Viewer, World, default_light};
 
 /// What ray casting can be asked for.

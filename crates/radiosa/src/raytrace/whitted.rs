@@ -12,7 +12,6 @@
 //! Rough mirrors (Cook–Torrance, rough metallic–roughness) are not in the paper of 1980. Their reflected ray is drawn from the lobe, as in
 //! [Cook84]: one, or [`Settings::samples`] at what the eye sees. Light sources it meets are left out where the highlight shows them already.
 
-use super::eye::{self, BEHIND_MAX, NEGLIGIBLE};
 use crate::bsdf::{Bsdf, SpecularRays};
 use crate::emitter::EnvironmentShadows;
 use crate::film::Pixel;
@@ -20,6 +19,7 @@ use crate::math::{Ray, Vec3};
 use crate::sampling::Stream;
 use crate::scene::Light;
 use crate::spectrum::Spectrum;
+use crate::transport::eye::{self, BEHIND_MAX, NEGLIGIBLE};
 use crate::transport::media::{self, Media, Medium};
 use crate::transport::{
     Emitters, Footprint, Integrator, LightSettings, Lights, LocalLight, Shading, Surface, Viewer, World, default_light,

@@ -4,6 +4,7 @@
 pub mod default_light;
 mod direct;
 mod emissive;
+pub(crate) mod eye;
 mod footprint;
 pub mod framing;
 mod integrator;

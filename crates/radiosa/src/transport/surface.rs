@@ -111,7 +111,7 @@ impl World {
     /// places. Source: [Hanika21].
     pub fn shadow_origin(&self, surface: &Surface, n: Vec3) -> Surface {
         let geometry = self.accel().geometry();
-        let placed = &geometry.placed[surface.instance.index()];
+        let Some(placed) = geometry.placed.get(surface.instance.index()) else { return *surface };
         let Shape::Mesh { positions, triangles } = &geometry.shapes[placed.shape as usize] else { return *surface };
         let tri = triangles[surface.primitive as usize];
         let Some(normals) = self.vertex_normals(surface.instance, tri) else { return *surface };
@@ -127,6 +127,22 @@ impl World {
 }
 
 impl Surface {
+    /// A point that lies on nothing, with the normal `n` (unit); it belongs to no instance.
+    pub fn in_space(p: Vec3, p_error: Vec3, n: Vec3) -> Self {
+        Self {
+            p,
+            p_error,
+            ng: n,
+            n,
+            instance: InstanceId(u32::MAX),
+            primitive: 0,
+            weights: [0.0; 3],
+            local: Vec3::ZERO,
+            material: None,
+            width: 0.0,
+        }
+    }
+
     /// An endless ray that leaves the surface in the direction `dir`.
     pub fn ray(&self, dir: Vec3) -> Ray {
         Ray::new(offset_origin(self.p, self.p_error, self.ng, dir), dir)

@@ -1,0 +1,174 @@
+//! The verb `measure`: irradiance at sensors, as a table.
+
+use std::fmt::Write as _;
+use std::io::Read;
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use radiosa::export::{self, ExportError};
+use radiosa::measure::{self, Reading, Sensor, Summary};
+use radiosa::radiosity::{self, gather};
+use radiosa::scene::Quantity;
+use radiosa::transport::World;
+use rayon::prelude::*;
+use serde_json::json;
+
+use crate::args::{Measure, MeasureMethod};
+use crate::error::Error;
+use crate::render::output::{self, tell};
+use crate::render::{plan, with_threads};
+
+/// Endings of tables.
+const ENDINGS: &[&str] = &["csv", "json"];
+
+pub(crate) fn run(args: &Measure, json: bool) -> Result<ExitCode, Error> {
+    with_threads(&args.work, || measure(args, json))
+}
+
+fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
+    let start = Instant::now();
+    for output in &args.output {
+        check(output)?;
+    }
+    let mut warnings = Vec::new();
+    let mut scene = plan::load(&args.scene, &args.changes, &args.work, &mut warnings)?;
+    if args.method == MeasureMethod::Radiosity {
+        radiosity::tessellate(&mut scene, args.radiosity.sphere_rings);
+    }
+    let world = plan::prepare(scene, &args.work)?;
+    let sensors = sensors(args, &world)?;
+    let prepared = start.elapsed();
+    if !args.work.quiet {
+        output::say_warnings(&warnings);
+    }
+    let readings = match args.method {
+        MeasureMethod::Radiosity => by_radiosity(args, &world, &sensors),
+        MeasureMethod::Raycast => {
+            let direct = measure::Direct::new(&world, args.emitters);
+            sensors.par_iter().map(|sensor| direct.at(&world, sensor)).collect()
+        }
+    };
+    let quantity = world.scene().quantity;
+    // What a unit of luminance counts in the column of illuminances.
+    let efficacy = if quantity == Quantity::Radiometric { args.lux.unwrap_or(1.0) } else { 1.0 };
+    let illuminance = |r: &Reading| f64::from(r.irradiance.luminance()) * efficacy;
+    let table = csv(&sensors, &readings, efficacy);
+    let summary = Summary::of(readings.iter().map(illuminance));
+    let unit = match (quantity, args.lux) {
+        (Quantity::Radiometric, None) => "W/m²",
+        _ => "lx",
+    };
+    let mut report = json!({
+        "scene": world.scene().name,
+        "method": match args.method { MeasureMethod::Radiosity => "radiosity", MeasureMethod::Raycast => "raycast" },
+        "quantity": output::quantity_name(quantity),
+        "sensors": sensors.len(),
+        "unit": unit,
+        "seconds": { "prepare": prepared.as_secs_f64(), "total": start.elapsed().as_secs_f64() },
+        "warnings": output::warnings_json(&warnings),
+        "outputs": args.output,
+    });
+    if let Some(s) = &summary {
+        report["illuminance"] =
+            json!({ "min": s.min, "mean": s.mean, "max": s.max, "uniformity": s.uniformity(), "min_to_max": s.diversity() });
+    }
+    for path in &args.output {
+        let text = if is_json(path) { table_json(&report, &sensors, &readings, efficacy) } else { table.clone() };
+        export::write_atomically(path, |file| std::io::Write::write_all(file, text.as_bytes()))?;
+    }
+    if args.output.is_empty() && !json {
+        crate::version::say(table.trim_end());
+    }
+    if let Some(s) = summary.filter(|_| !args.work.quiet) {
+        let uniformity = s.uniformity();
+        tell(&format!(
+            "sensors     {}\nilluminance min {:.4} mean {:.4} max {:.4} {unit}, uniformity {uniformity:.3}",
+            sensors.len(),
+            s.min,
+            s.mean,
+            s.max
+        ));
+        tell(&format!("time        {:.2} s", start.elapsed().as_secs_f64()));
+        args.output.iter().for_each(|o| tell(&format!("wrote       {}", o.display())));
+    }
+    if json {
+        crate::version::say(&report.to_string());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn is_json(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
+}
+
+fn check(path: &Path) -> Result<(), Error> {
+    let known = path.extension().is_some_and(|e| ENDINGS.iter().any(|k| e.eq_ignore_ascii_case(k)));
+    if !known {
+        return Err(ExportError::UnknownEnding { path: path.to_path_buf(), known: ENDINGS }.into());
+    }
+    Ok(export::check_writable(path)?)
+}
+
+fn sensors(args: &Measure, world: &World) -> Result<Vec<Sensor>, Error> {
+    let wrong = |e: &dyn std::fmt::Display, path: &Path| {
+        Error::failed(format!("{}: {e}", path.display()), "write a sensor a line: its position and the direction it faces")
+    };
+    match (&args.points, args.grid) {
+        (Some(path), _) => {
+            let mut text = String::new();
+            let read = if path.as_os_str() == "-" {
+                std::io::stdin().lock().take(args.work.max_memory).read_to_string(&mut text).map(drop)
+            } else {
+                std::fs::File::open(path).and_then(|f| f.take(args.work.max_memory).read_to_string(&mut text)).map(drop)
+            };
+            read.map_err(|e| wrong(&e, path))?;
+            measure::parse_sensors(&text).map_err(|e| wrong(&e, path))
+        }
+        (None, Some(spacing)) => measure::grid(world, spacing, args.height)
+            .map_err(|e| Error::failed(e.to_string(), "ask for a wider --grid, or look at the --scale of the scene")),
+        (None, None) => Err(Error::Misuse("error: say where to measure: --points FILE or --grid METRES\n".into())),
+    }
+}
+
+fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Vec<Reading> {
+    let settings = crate::solve::settings(&args.radiosity, args.seed, &[]);
+    let solution = radiosity::solve(world, &settings);
+    let gather = gather::Gather::new(world, &solution, &[], args.seed);
+    let sensors = sensors.par_iter().enumerate();
+    let at = |scratch: &mut gather::Scratch, (k, sensor): (usize, &Sensor)| {
+        let (surface, n) = sensor.place(world);
+        let arriving = gather.at(&surface, n, k as u64, scratch);
+        Reading { irradiance: arriving.irradiance, standard_error: arriving.standard_error }
+    };
+    sensors.map_init(gather::Scratch::default, at).collect()
+}
+
+/// The table, in the order of the sensors.
+fn csv(sensors: &[Sensor], readings: &[Reading], efficacy: f64) -> String {
+    let mut text = "x,y,z,nx,ny,nz,irradiance_r,irradiance_g,irradiance_b,illuminance,stderr\n".to_owned();
+    for (s, r) in sensors.iter().zip(readings) {
+        let (p, n, e) = (s.position, s.normal, r.irradiance);
+        let y = f64::from(e.luminance()) * efficacy;
+        let error = r.standard_error * efficacy;
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{},{},{},{},{},{},{},{},{},{y},{error}", p.x, p.y, p.z, n.x, n.y, n.z, e.r, e.g, e.b);
+    }
+    text
+}
+
+fn table_json(report: &serde_json::Value, sensors: &[Sensor], readings: &[Reading], efficacy: f64) -> String {
+    let rows: Vec<_> = sensors
+        .iter()
+        .zip(readings)
+        .map(|(s, r)| {
+            json!({
+                "position": s.position.to_array(), "normal": s.normal.to_array(), "irradiance": r.irradiance.to_array(),
+                "illuminance": f64::from(r.irradiance.luminance()) * efficacy, "stderr": r.standard_error * efficacy,
+            })
+        })
+        .collect();
+    let mut whole = report.clone();
+    whole["readings"] = rows.into();
+    whole.to_string() + "\n"
+}

@@ -1,0 +1,258 @@
+//! A solution seen from somewhere: irradiance interpolated between the corners of elements, times what the surface reflects there.
+//!
+//! ```text
+//! L = L_e + ρ(x)/π · Σ_corners w_k H_k
+//! ```
+//!
+//! Irradiance and not radiosity is interpolated, so that textures keep their own detail. Corner values are extrapolated from the elements around: across a
+//! patch by its rows and columns, and averaged with those of neighbours that continue the surface, but not across creases. A side that takes no part in the
+//! solution is black.
+
+use std::collections::HashMap;
+
+use super::mesh::ElementMesh;
+use super::sides::Side;
+use super::solution::Solution;
+use crate::accel::Hit;
+use crate::film::Pixel;
+use crate::math::{DVec3, Ray, Vec3};
+use crate::radiometry::lambertian_radiance;
+use crate::sampling::Stream;
+use crate::scene::Geometry;
+use crate::spectrum::Spectrum;
+use crate::transport::eye::{self, BEHIND_MAX, NEGLIGIBLE};
+use crate::transport::{Footprint, Integrator, World};
+
+/// Cosine of the angle up to which faces of a mesh with vertex normals are one smooth surface.
+const SMOOTH: f64 = 0.7;
+/// The same for faces without: they must lie in one plane.
+const COPLANAR: f64 = 1.0 - 1e-6;
+
+/// How values are spread over elements.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interpolation {
+    /// One value an element.
+    Flat,
+    /// Between its corners.
+    #[default]
+    Gouraud,
+}
+
+/// A solution ready to be looked at.
+#[derive(Debug)]
+pub struct Display<'a> {
+    mesh: &'a ElementMesh,
+    /// Irradiance at the corners of each element, in their order.
+    corners: Vec<[Spectrum; 4]>,
+    footprint: Footprint,
+    has_backdrop: bool,
+}
+
+impl<'a> Display<'a> {
+    /// Spreads the irradiance of a solution over its elements.
+    pub fn new(world: &World, solution: &'a Solution, interpolation: Interpolation, footprint: Footprint) -> Self {
+        let mesh = &solution.mesh;
+        let corners = match interpolation {
+            Interpolation::Flat => solution.irradiance.iter().map(|h| [spectrum(*h); 4]).collect(),
+            Interpolation::Gouraud => corner_values(world, mesh, &solution.irradiance),
+        };
+        Self { mesh, corners, footprint, has_backdrop: false }
+    }
+
+    /// The default light's backdrop stands behind everything.
+    pub fn with_backdrop(mut self, has_backdrop: bool) -> Self {
+        self.has_backdrop = has_backdrop;
+        self
+    }
+
+    /// H where a ray of direction `dir` met the surface at `p`, interpolated; `None` on a side that takes no part.
+    pub fn irradiance_at(&self, hit: &Hit, p: Vec3, dir: Vec3) -> Option<Spectrum> {
+        let (element, weights) = self.mesh.weights_at(hit, p, dir)?;
+        Some(self.corners[element as usize].iter().zip(weights).map(|(h, w)| *h * w).sum())
+    }
+}
+
+impl Integrator for Display<'_> {
+    fn sample(&self, world: &World, ray: &Ray, _stream: &mut Stream, n_rays: &mut u64) -> Pixel {
+        let mut pixel = Pixel::default();
+        let mut ray = *ray;
+        let mut travelled = 0.0;
+        let mut open = Spectrum::WHITE;
+        let mut through_glass = false;
+        for layer in 0..BEHIND_MAX {
+            *n_rays += 1;
+            let Some((hit, mut surface)) = world.closest_visible(&ray) else {
+                let seen = open * eye::behind(world, ray.dir, self.has_backdrop, layer == 0);
+                *(if through_glass { &mut pixel.refraction } else { &mut pixel.background }) += seen;
+                if through_glass {
+                    pixel.direct += seen;
+                }
+                pixel.color += seen;
+                break;
+            };
+            let wo = -ray.dir;
+            travelled += hit.t;
+            surface.width = self.footprint.width(travelled, surface.ng.dot(wo));
+            let shading = world.shading(&surface, wo);
+            eye::record(&mut pixel, world, &surface, &shading, travelled);
+            let glass = shading.straight_transmission();
+            let weight = open * shading.coverage;
+            let irradiance = self.irradiance_at(&hit, surface.p, ray.dir).unwrap_or(Spectrum::BLACK);
+            let emission = weight * (shading.emission + shading.bsdf.unlit().unwrap_or(Spectrum::BLACK));
+            let diffuse = weight * lambertian_radiance(shading.bsdf.diffuse_reflectance(), irradiance);
+            if through_glass {
+                pixel.refraction += diffuse + emission;
+                pixel.direct += emission;
+            } else {
+                pixel.diffuse += diffuse;
+                pixel.emission += emission;
+            }
+            pixel.indirect += diffuse;
+            pixel.color += diffuse + emission;
+            through_glass |= !glass.is_black();
+            open = open * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
+            if open.max_channel() < NEGLIGIBLE {
+                open = Spectrum::BLACK;
+                break;
+            }
+            ray = surface.ray(ray.dir);
+        }
+        pixel.alpha = 1.0 - open.luminance().clamp(0.0, 1.0);
+        pixel
+    }
+}
+
+fn spectrum(v: [f64; 3]) -> Spectrum {
+    v.map(|x| x as f32).into()
+}
+
+/// A value at the corners of every element from one value each.
+pub(super) fn corner_values(world: &World, mesh: &ElementMesh, values: &[[f64; 3]]) -> Vec<[Spectrum; 4]> {
+    let mut corners = vec![[Spectrum::BLACK; 4]; values.len()];
+    for (patch, grid) in mesh.patches().iter().zip(mesh.grids()) {
+        for side in [Side::Front, Side::Back] {
+            let Some(first) = grid.first[side as usize] else { continue };
+            let n = grid.n.map(|n| n as usize);
+            let cells = &values[first as usize..][..n[0] * n[1]];
+            let out = &mut corners[first as usize..][..n[0] * n[1]];
+            if patch.is_quad() {
+                of_quad(n, cells, side, out);
+            } else {
+                of_triangle(n[0], cells, side, out);
+            }
+        }
+    }
+    join(world, mesh, &mut corners);
+    corners
+}
+
+/// Values at the nodes of a row from those of its cells: means inside, extrapolated at the ends but neither below half nor above twice the end's own.
+fn nodes(cells: impl Fn(usize) -> [f64; 3], n: usize, out: &mut Vec<[f64; 3]>) {
+    out.clear();
+    let towards = |end: [f64; 3], next: [f64; 3]| {
+        std::array::from_fn(|c| (1.5 * end[c] - 0.5 * next[c]).clamp(0.5 * end[c], 2.0 * end[c].max(0.0)))
+    };
+    let last = n - 1;
+    out.push(if n > 1 { towards(cells(0), cells(1)) } else { cells(0) });
+    out.extend((1..n).map(|k| {
+        let (a, b) = (cells(k - 1), cells(k));
+        std::array::from_fn(|c| 0.5 * (a[c] + b[c]))
+    }));
+    out.push(if n > 1 { towards(cells(last), cells(last - 1)) } else { cells(0) });
+}
+
+/// A regular grid: rows first, then columns.
+fn of_quad([n, m]: [usize; 2], cells: &[[f64; 3]], side: Side, out: &mut [[Spectrum; 4]]) {
+    let mut row = Vec::new();
+    let mut half = Vec::with_capacity((n + 1) * m);
+    for j in 0..m {
+        nodes(|i| cells[j * n + i], n, &mut row);
+        half.extend_from_slice(&row);
+    }
+    let mut grid = vec![[0.0; 3]; (n + 1) * (m + 1)];
+    for i in 0..=n {
+        nodes(|j| half[j * (n + 1) + i], m, &mut row);
+        row.iter().enumerate().for_each(|(j, v)| grid[j * (n + 1) + i] = *v);
+    }
+    for (k, corners) in out.iter_mut().enumerate() {
+        let (i, j) = (k % n, k / n);
+        *corners = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| spectrum(grid[j * (n + 1) + i]));
+        if side == Side::Back {
+            corners.reverse();
+        }
+    }
+}
+
+/// A triangle's lattice: means of the cells around.
+fn of_triangle(n: usize, cells: &[[f64; 3]], side: Side, out: &mut [[Spectrum; 4]]) {
+    let node = |i: usize, j: usize| j * (n + 1) + i;
+    let mut sums = vec![([0.0; 3], 0.0); (n + 1) * (n + 1)];
+    let of_cell = |k: usize| {
+        let (i, j, upper) = super::mesh::triangle_cell(n as u32, k as u32);
+        let (i, j) = (i as usize, j as usize);
+        if upper { [node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)] } else { [node(i, j), node(i + 1, j), node(i, j + 1)] }
+    };
+    for (k, value) in cells.iter().enumerate() {
+        for at in of_cell(k) {
+            (0..3).for_each(|c| sums[at].0[c] += value[c]);
+            sums[at].1 += 1.0;
+        }
+    }
+    for (k, corners) in out.iter_mut().enumerate() {
+        let mut three = of_cell(k).map(|at| spectrum(sums[at].0.map(|s| s / sums[at].1)));
+        if side == Side::Back {
+            three.reverse();
+        }
+        *corners = [three[0], three[1], three[2], three[2]];
+    }
+}
+
+/// Averages what meets in one place and belongs to one smooth surface.
+fn join(world: &World, mesh: &ElementMesh, corners: &mut [[Spectrum; 4]]) {
+    let elements = mesh.elements();
+    let bounds = world.accel().bounds();
+    let grain = f64::from(bounds.extent().max_element()).max(f64::MIN_POSITIVE) * 1e-5;
+    let scene = world.scene();
+    let smooth: Vec<bool> = scene
+        .instances
+        .iter()
+        .map(|i| matches!(i.geometry, Geometry::Mesh(id) if scene.meshes[id.index()].normals.is_some()))
+        .collect();
+    // Only corners on the border of a patch can meet others; inner ones have their value already.
+    let mut at: HashMap<[i64; 3], Vec<(u32, u8)>> = HashMap::new();
+    for (e, element) in elements.iter().enumerate() {
+        let inner = mesh.is_inner(element);
+        for (k, corner) in element.corners().iter().enumerate() {
+            if !inner {
+                let cell = (*corner / grain + DVec3::splat(0.317)).to_array().map(|x| x.round() as i64);
+                at.entry(cell).or_default().push((e as u32, k as u8));
+            }
+        }
+    }
+    let mut places: Vec<_> = at.into_values().filter(|all| all.len() > 1).collect();
+    places.sort_unstable();
+    for place in places {
+        let old: Vec<Spectrum> = place.iter().map(|&(e, k)| corners[e as usize][usize::from(k)]).collect();
+        for (own, &(e, k)) in place.iter().enumerate() {
+            let a = &elements[e as usize];
+            let instance = mesh.patches()[a.patch as usize].instance;
+            let (mut sum, mut n) = (Spectrum::BLACK, 0.0);
+            for (other, &(f, _)) in place.iter().enumerate() {
+                let b = &elements[f as usize];
+                let together = other == own || {
+                    let same = mesh.patches()[b.patch as usize].instance == instance;
+                    a.normal.dot(b.normal) > if smooth[instance.index()] && same { SMOOTH } else { COPLANAR }
+                };
+                if together {
+                    sum += old[other];
+                    n += 1.0;
+                }
+            }
+            let value = sum * (1.0 / n);
+            corners[e as usize][usize::from(k)] = value;
+            if k == 2 && a.corners().len() == 3 {
+                corners[e as usize][3] = value;
+            }
+        }
+    }
+}
