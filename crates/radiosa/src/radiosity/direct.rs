@@ -54,11 +54,12 @@ impl<'a> DirectLight<'a> {
         !self.has_lights && !self.has_sky()
     }
 
-    fn has_sky(&self) -> bool {
+    /// Rays that leave the scene meet light.
+    pub fn has_sky(&self) -> bool {
         self.world.sky().is_some() || !self.hemispheres.is_empty()
     }
 
-    /// Mean irradiance of every element, W/m² or lux.
+    /// Mean irradiance of the exposed part of every element, W/m² or lux.
     pub fn irradiance(&self, mesh: &ElementMesh) -> Vec<[f64; 3]> {
         if self.is_empty() {
             return vec![[0.0; 3]; mesh.elements().len()];
@@ -95,7 +96,8 @@ impl<'a> DirectLight<'a> {
             let sky = (0..SKY_RAYS).map(|k| self.from_sky(&surface(k), n, k, key)).sum::<Spectrum>() * (1.0 / SKY_RAYS as f32);
             [sky.r, sky.g, sky.b].into_iter().zip(&mut sum).for_each(|(h, s)| *s += f64::from(h));
         }
-        sum
+        let exposed = element.exposed().max(1e-6);
+        sum.map(|s| s / exposed)
     }
 
     /// The irradiance at a point, seen from the side of `n` (unit); `key` names the sensor.
@@ -106,6 +108,11 @@ impl<'a> DirectLight<'a> {
             sum += (0..rays).map(|k| self.from_sky(surface, n, k, key)).sum::<Spectrum>() * (1.0 / rays as f32);
         }
         sum
+    }
+
+    /// Some light with a place or a direction sees a point on the side of `n` (unit).
+    pub fn reaches(&self, surface: &Surface, n: Vec3) -> bool {
+        self.has_lights && !self.from_lights(surface, n).is_black()
     }
 
     /// Lights with a place or a direction.

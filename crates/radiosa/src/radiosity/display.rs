@@ -133,12 +133,14 @@ pub(super) fn corner_values(world: &World, mesh: &ElementMesh, values: &[[f64; 3
         for side in [Side::Front, Side::Back] {
             let Some(first) = grid.first[side as usize] else { continue };
             let n = grid.n.map(|n| n as usize);
-            let cells = &values[first as usize..][..n[0] * n[1]];
-            let out = &mut corners[first as usize..][..n[0] * n[1]];
+            let range = first as usize..first as usize + n[0] * n[1];
+            let weighed = values[range.clone()].iter().zip(&mesh.elements()[range.clone()]);
+            let cells: Vec<Cell> = weighed.map(|(value, e)| Cell { value: *value, weight: e.exposed() }).collect();
+            let out = &mut corners[range];
             if patch.is_quad() {
-                of_quad(n, cells, side, out);
+                of_quad(n, &cells, side, out);
             } else {
-                of_triangle(n[0], cells, side, out);
+                of_triangle(n[0], &cells, side, out);
             }
         }
     }
@@ -146,23 +148,35 @@ pub(super) fn corner_values(world: &World, mesh: &ElementMesh, values: &[[f64; 3
     corners
 }
 
-/// Values at the nodes of a row from those of its cells: means inside, extrapolated at the ends but neither below half nor above twice the end's own.
-fn nodes(cells: impl Fn(usize) -> [f64; 3], n: usize, out: &mut Vec<[f64; 3]>) {
+/// A value and how much it counts: that of a cell, by the fraction of it that is exposed, or that of a node between cells.
+#[derive(Clone, Copy, Debug, Default)]
+struct Cell {
+    value: [f64; 3],
+    weight: f64,
+}
+
+/// Values at the nodes of a row from those of its cells: weighted means inside, extrapolated at the ends but neither below half nor above twice the end's own.
+fn nodes(cells: impl Fn(usize) -> Cell, n: usize, out: &mut Vec<Cell>) {
     out.clear();
-    let towards = |end: [f64; 3], next: [f64; 3]| {
-        std::array::from_fn(|c| (1.5 * end[c] - 0.5 * next[c]).clamp(0.5 * end[c], 2.0 * end[c].max(0.0)))
+    let end = |end: usize, next: Option<usize>| {
+        let end = cells(end);
+        let Some(next) = next.map(&cells).filter(|next| next.weight > 0.5 && end.weight > 0.5) else { return end };
+        let towards =
+            |c: usize| (1.5 * end.value[c] - 0.5 * next.value[c]).clamp(0.5 * end.value[c], 2.0 * end.value[c].max(0.0));
+        Cell { value: std::array::from_fn(towards), weight: end.weight }
     };
-    let last = n - 1;
-    out.push(if n > 1 { towards(cells(0), cells(1)) } else { cells(0) });
+    out.push(end(0, (n > 1).then_some(1)));
     out.extend((1..n).map(|k| {
         let (a, b) = (cells(k - 1), cells(k));
-        std::array::from_fn(|c| 0.5 * (a[c] + b[c]))
+        let weight = a.weight + b.weight;
+        let share = if weight > 0.0 { a.weight / weight } else { 0.5 };
+        Cell { value: std::array::from_fn(|c| share * a.value[c] + (1.0 - share) * b.value[c]), weight: 0.5 * weight }
     }));
-    out.push(if n > 1 { towards(cells(last), cells(last - 1)) } else { cells(0) });
+    out.push(end(n - 1, n.checked_sub(2)));
 }
 
 /// A regular grid: rows first, then columns.
-fn of_quad([n, m]: [usize; 2], cells: &[[f64; 3]], side: Side, out: &mut [[Spectrum; 4]]) {
+fn of_quad([n, m]: [usize; 2], cells: &[Cell], side: Side, out: &mut [[Spectrum; 4]]) {
     let mut row = Vec::new();
     let mut half = Vec::with_capacity((n + 1) * m);
     for j in 0..m {
@@ -172,7 +186,7 @@ fn of_quad([n, m]: [usize; 2], cells: &[[f64; 3]], side: Side, out: &mut [[Spect
     let mut grid = vec![[0.0; 3]; (n + 1) * (m + 1)];
     for i in 0..=n {
         nodes(|j| half[j * (n + 1) + i], m, &mut row);
-        row.iter().enumerate().for_each(|(j, v)| grid[j * (n + 1) + i] = *v);
+        row.iter().enumerate().for_each(|(j, v)| grid[j * (n + 1) + i] = v.value);
     }
     for (k, corners) in out.iter_mut().enumerate() {
         let (i, j) = (k % n, k / n);
@@ -184,7 +198,7 @@ fn of_quad([n, m]: [usize; 2], cells: &[[f64; 3]], side: Side, out: &mut [[Spect
 }
 
 /// A triangle's lattice: means of the cells around.
-fn of_triangle(n: usize, cells: &[[f64; 3]], side: Side, out: &mut [[Spectrum; 4]]) {
+fn of_triangle(n: usize, cells: &[Cell], side: Side, out: &mut [[Spectrum; 4]]) {
     let node = |i: usize, j: usize| j * (n + 1) + i;
     let mut sums = vec![([0.0; 3], 0.0); (n + 1) * (n + 1)];
     let of_cell = |k: usize| {
@@ -192,14 +206,14 @@ fn of_triangle(n: usize, cells: &[[f64; 3]], side: Side, out: &mut [[Spectrum; 4
         let (i, j) = (i as usize, j as usize);
         if upper { [node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)] } else { [node(i, j), node(i + 1, j), node(i, j + 1)] }
     };
-    for (k, value) in cells.iter().enumerate() {
+    for (k, cell) in cells.iter().enumerate() {
         for at in of_cell(k) {
-            (0..3).for_each(|c| sums[at].0[c] += value[c]);
-            sums[at].1 += 1.0;
+            (0..3).for_each(|c| sums[at].0[c] += cell.value[c] * cell.weight);
+            sums[at].1 += cell.weight;
         }
     }
     for (k, corners) in out.iter_mut().enumerate() {
-        let mut three = of_cell(k).map(|at| spectrum(sums[at].0.map(|s| s / sums[at].1)));
+        let mut three = of_cell(k).map(|at| spectrum(sums[at].0.map(|s| if sums[at].1 > 0.0 { s / sums[at].1 } else { 0.0 })));
         if side == Side::Back {
             three.reverse();
         }

@@ -4,10 +4,13 @@
 //! E(p) = D(p) + Σ_j B_j F_{dp→j} · Σ V K / Σ K
 //! ```
 //!
+//! Where an element looks large, it is cut into pieces with radiosities interpolated between its corners: what is close must not be seen in steps.
+//!
 //! The factor from a point to an element is exact, and the rays that decide how much of it is seen are many where the element matters: shadows are as sharp
 //! as at a camera ray, whatever the size of the elements.
 
 use super::direct::DirectLight;
+use super::display;
 use super::form_factor::analytic;
 use super::solution::Solution;
 use crate::accel::Occluder;
@@ -37,14 +40,30 @@ pub struct Gather<'a> {
     direct: DirectLight<'a>,
     /// Radius of each element around its centre.
     bounds: Vec<(DVec3, f64)>,
+    /// Irradiances at the corners of each element: they go on where the material changes, as radiosities do not.
+    corners: Vec<[Spectrum; 4]>,
     seed: u64,
 }
+
+/// A part of an element as a sensor sees it.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    element: u32,
+    /// Its corner nearest to the first in the element's unit square, and its side there.
+    place: [f64; 3],
+    /// Unoccluded form factor.
+    factor: f64,
+    radiosity: [f64; 3],
+}
+
+/// Pieces along a side for factors above these.
+const CUTS: [(f64, u32); 3] = [(0.05, 8), (0.008, 4), (0.001, 2)];
 
 /// What a thread keeps between sensors.
 #[derive(Debug, Default)]
 pub struct Scratch {
     polygon: Vec<DVec3>,
-    found: Vec<(u32, f64, f64)>,
+    pieces: Vec<Piece>,
     rays: Vec<Ray>,
     kernel: Vec<f64>,
     blocked: Vec<bool>,
@@ -59,7 +78,8 @@ impl<'a> Gather<'a> {
             (centre, e.corners().iter().map(|c| (*c - centre).length()).fold(0.0, f64::max))
         };
         let bounds = solution.mesh.elements().iter().map(bound).collect();
-        Self { world, solution, direct: DirectLight::new(world, extra_lights, seed), bounds, seed }
+        let corners = display::corner_values(world, &solution.mesh, &solution.irradiance);
+        Self { world, solution, direct: DirectLight::new(world, extra_lights, seed), bounds, corners, seed }
     }
 
     /// What arrives at a surface point on the side of the unit normal `n`; `sensor` keys its random streams.
@@ -68,45 +88,76 @@ impl<'a> Gather<'a> {
         let start = offset_origin(surface.p, surface.p_error, surface.ng, n);
         let (p, normal) = (start.as_dvec3(), n.as_dvec3());
         let elements = self.solution.mesh.elements();
-        scratch.found.clear();
+        scratch.pieces.clear();
         let mut total = 0.0;
         for (j, element) in elements.iter().enumerate() {
-            let b = luminance(self.solution.radiosity[j]);
             let (centre, radius) = self.bounds[j];
             let d = centre - p;
-            if b <= 0.0 || normal.dot(d) <= -radius || element.normal.dot(d) >= 0.0 {
+            let b = self.solution.radiosity[j];
+            if b == [0.0; 3] || normal.dot(d) <= -radius || element.normal.dot(d) >= 0.0 {
                 continue;
             }
             let factor = analytic::point_to_polygon(p, normal, element.corners(), &mut scratch.polygon);
-            if factor > 0.0 {
-                total += factor * b;
-                scratch.found.push((j as u32, factor, b));
+            if factor <= 0.0 {
+                continue;
             }
+            let first = scratch.pieces.len();
+            let cuts = CUTS.iter().find(|c| factor > c.0).map_or(1, |c| c.1);
+            if cuts == 1 || element.corners().len() != 4 {
+                scratch.pieces.push(Piece { element: j as u32, place: [0.0, 0.0, 1.0], factor, radiosity: b });
+            } else {
+                self.cut(p, normal, j, cuts, scratch);
+            }
+            total += scratch.pieces[first..].iter().map(|piece| piece.factor * luminance(piece.radiosity)).sum::<f64>();
         }
         let mut sum = [0.0; 3];
         let mut variance = 0.0;
-        for k in 0..scratch.found.len() {
-            let (j, factor, b) = scratch.found[k];
-            let n_rays = (RAYS[0] * factor * b / total).ceil().clamp(1.0, RAYS[1]) as u32;
-            let seen = self.visible(start, normal, j, n_rays, rng::mix(key ^ u64::from(j)), scratch);
-            let b_j = self.solution.radiosity[j as usize];
-            (0..3).for_each(|c| sum[c] += b_j[c] * factor * seen);
-            variance += (factor * b).powi(2) * seen * (1.0 - seen) / f64::from(n_rays);
+        for k in 0..scratch.pieces.len() {
+            let piece = scratch.pieces[k];
+            let weight = piece.factor * luminance(piece.radiosity);
+            let n_rays = if total > 0.0 { (RAYS[0] * weight / total).ceil().clamp(1.0, RAYS[1]) as u32 } else { 1 };
+            let seen = self.visible(start, normal, &piece, n_rays, rng::mix(key ^ k as u64), scratch);
+            (0..3).for_each(|c| sum[c] += piece.radiosity[c] * piece.factor * seen);
+            variance += weight.powi(2) * seen * (1.0 - seen) / f64::from(n_rays);
         }
         let irradiance = self.direct.at(surface, n, key) + Spectrum::from(sum.map(|s| s as f32));
         Arriving { irradiance, standard_error: variance.sqrt() }
     }
 
-    /// `Σ V K / Σ K` over rays from a point to an element.
-    fn visible(&self, from: Vec3, normal: DVec3, j: u32, n_rays: u32, key: u64, scratch: &mut Scratch) -> f64 {
-        let element = &self.solution.mesh.elements()[j as usize];
+    /// Cuts a quadrilateral into `n × n` pieces.
+    fn cut(&self, p: DVec3, normal: DVec3, j: usize, n: u32, scratch: &mut Scratch) {
+        let element = &self.solution.mesh.elements()[j];
+        let side = 1.0 / f64::from(n);
+        for k in 0..n * n {
+            let (s, t) = (f64::from(k % n) * side, f64::from(k / n) * side);
+            let corners = [[s, t], [s + side, t], [s + side, t + side], [s, t + side]].map(|at| element.at(at));
+            let factor = analytic::point_to_polygon(p, normal, &corners, &mut scratch.polygon);
+            if factor <= 0.0 {
+                continue;
+            }
+            let (u, v) = ((s + 0.5 * side) as f32, (t + 0.5 * side) as f32);
+            let [a, b, c, d] = self.corners[j];
+            // Bilinear, and moved so that the element keeps its mean: what corners smooth away at the edge of a shadow must not light the dark side of it.
+            let h = (a * (1.0 - u) + b * u) * (1.0 - v) + (d * (1.0 - u) + c * u) * v - (a + b + c + d) * 0.25;
+            let own = self.solution.irradiance[j];
+            let h: [f64; 3] = std::array::from_fn(|c| (own[c] + f64::from(h.to_array()[c])).max(0.0));
+            let (e, rho) = (self.solution.system.emission[j], self.solution.system.reflectance[j]);
+            let radiosity = std::array::from_fn(|c| e[c] + rho[c] * h[c]);
+            scratch.pieces.push(Piece { element: j as u32, place: [s, t, side], factor, radiosity });
+        }
+    }
+
+    /// `Σ V K / Σ K` over rays from a point to a piece of an element.
+    fn visible(&self, from: Vec3, normal: DVec3, piece: &Piece, n_rays: u32, key: u64, scratch: &mut Scratch) -> f64 {
+        let element = &self.solution.mesh.elements()[piece.element as usize];
         let en = element.normal.as_vec3();
         let error = Vec3::splat(element.corners().iter().map(|c| c.abs().max_element()).fold(0.0, f64::max) as f32 * gamma(16));
         scratch.rays.clear();
         scratch.kernel.clear();
         for k in 0..n_rays {
             let u = if n_rays == 1 { [0.5; 2] } else { sequence::point_2d(k, key).to_array().map(f64::from) };
-            let target = offset_origin(element.at(u).as_vec3(), error, en, en);
+            let [s, t, side] = piece.place;
+            let target = offset_origin(element.at([s + side * u[0], t + side * u[1]]).as_vec3(), error, en, en);
             let d = target - from;
             let r2 = f64::from(d.length_squared());
             let kernel = normal.dot(d.as_dvec3()).max(0.0) * f64::from((-en.dot(d)).max(0.0)) / (r2 * r2);

@@ -4,6 +4,8 @@
 //! for. An element is a convex polygon that emits and receives from the side its corners run counter-clockwise on; the back of a cell
 //! is an element of its own, with the corners reversed.
 
+use super::direct::DirectLight;
+use super::exposure;
 use super::patch::{Patch, Patches};
 use super::sides::{self, Side};
 use crate::accel::Hit;
@@ -55,8 +57,10 @@ pub struct Element {
     pub cell: u32,
     /// Unit, on the side that emits and receives.
     pub normal: DVec3,
-    /// m²
+    /// The area that light can reach (`exposure`), m².
     pub area: f64,
+    /// The whole area, m².
+    pub whole_area: f64,
     corners: [DVec3; 4],
     n_corners: u8,
 }
@@ -67,9 +71,23 @@ impl Element {
         &self.corners[..usize::from(self.n_corners)]
     }
 
+    /// The fraction of it that light can reach.
+    pub fn exposed(&self) -> f64 {
+        if self.whole_area > 0.0 { self.area / self.whole_area } else { 0.0 }
+    }
+
     /// Mean of the corners.
     pub fn centre(&self) -> DVec3 {
         self.corners().iter().sum::<DVec3>() / f64::from(self.n_corners)
+    }
+
+    /// The point of the unit square that has these weights of corners: the inverse of [`Self::at`] in a parallelogram or triangle.
+    pub(super) fn square_of(&self, w: [f32; 4]) -> [f32; 2] {
+        if self.n_corners == 4 {
+            return [w[1] + w[2], w[2] + w[3]];
+        }
+        let (u, v) = (w[1], w[2]);
+        if v > u { [2.0 * u, v + u] } else { [u + v, 2.0 * v] }
     }
 
     /// The image of a point of the unit square: bilinear, or folded into a triangle so that areas keep their proportion.
@@ -104,10 +122,10 @@ pub struct ElementMesh {
 
 impl ElementMesh {
     /// Divides the surfaces of a world.
-    pub fn new(world: &World, settings: &Settings) -> Self {
+    pub fn new(world: &World, settings: &Settings, direct: &DirectLight) -> Self {
         let patches = Patches::new(world);
         let kept = match settings.sides {
-            Sides::Lit => sides::lit(world, &patches),
+            Sides::Lit => sides::lit(world, &patches, direct),
             Sides::Both => vec![[true; 2]; patches.patches.len()],
             Sides::Front => vec![[true, false]; patches.patches.len()],
         };
@@ -126,7 +144,19 @@ impl ElementMesh {
             }
             mesh.grids.push(grid);
         }
+        if settings.sides == Sides::Lit {
+            let exposed = exposure::exposed(world, &mesh, direct, 0);
+            for (element, exposed) in mesh.elements.iter_mut().zip(exposed) {
+                element.area = element.whole_area * f64::from(exposed);
+            }
+        }
         mesh
+    }
+
+    /// Its material emits on that side.
+    pub(super) fn emits(&self, world: &World, element: &Element) -> bool {
+        let material = world.material(self.patches.patches[element.patch as usize].material);
+        material.is_emissive() && (element.side == Side::Front || material.two_sided)
     }
 
     /// In the order of patches; of one patch the front before the back.
@@ -289,7 +319,16 @@ fn element(patch: &Patch, n: [u32; 2], cell: u32, index: u32, side: Side) -> Ele
     }
     let area = area_vector(&corners[..n_corners]);
     let length = area.length();
-    Element { patch: index, side, cell, normal: area / length, area: length, corners, n_corners: n_corners as u8 }
+    Element {
+        patch: index,
+        side,
+        cell,
+        normal: area / length,
+        area: length,
+        whole_area: length,
+        corners,
+        n_corners: n_corners as u8,
+    }
 }
 
 /// The row `j`, the column `i` and the kind of a cell of a triangle with `n` cells along each edge. Row `j` has `2 (n − j) − 1` cells.

@@ -14,6 +14,7 @@
 
 pub mod direct;
 pub mod display;
+mod exposure;
 pub mod form_factor;
 pub mod gather;
 pub mod matrix;

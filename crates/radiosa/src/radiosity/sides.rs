@@ -6,6 +6,8 @@
 
 use rayon::prelude::*;
 
+use super::direct::DirectLight;
+use super::exposure::Groups;
 use super::mesh::surface_of;
 use super::patch::{Patch, Patches};
 use crate::math::polygon::area_vector;
@@ -46,14 +48,9 @@ pub(super) fn is_constant(world: &World, patch: &Patch) -> bool {
 }
 
 /// By patch and side: light may reach it.
-pub(super) fn lit(world: &World, patches: &Patches) -> Vec<[bool; 2]> {
+pub(super) fn lit(world: &World, patches: &Patches, direct: &DirectLight) -> Vec<[bool; 2]> {
     let n = patches.patches.len();
-    let scene = world.scene();
     let rays = (BUDGET / (2 * n as u32).max(1)).clamp(RAYS[0], RAYS[1]);
-    // What leaves the scene may meet a sky; lights without a place light from everywhere.
-    let sky =
-        world.sky().is_some() || scene.lights.iter().any(|l| matches!(l.kind, crate::scene::LightKind::Hemispherical { .. }));
-    let placeless: Vec<&crate::scene::Light> = scene.lights.iter().collect();
     let seen: Vec<(Vec<u32>, bool)> = (0..2 * n)
         .into_par_iter()
         .map(|node| {
@@ -71,7 +68,7 @@ pub(super) fn lit(world: &World, patches: &Patches) -> Vec<[bool; 2]> {
                 let surface = surface_of(world, patch, inside(patch, sequence::point_2d(i, key)), normal);
                 let dir = frame.to_world(warp::cosine_hemisphere(sequence::point_2d(i, key ^ 1)));
                 match world.closest_visible(&surface.ray(dir)) {
-                    None => is_lit |= sky,
+                    None => is_lit |= direct.has_sky(),
                     Some((hit, _)) => {
                         if let Some(other) = patches.of_triangle(InstanceId(hit.instance), hit.primitive) {
                             let front = area_vector(patches.patches[other as usize].corners()).dot(dir.as_dvec3()) <= 0.0;
@@ -80,7 +77,7 @@ pub(super) fn lit(world: &World, patches: &Patches) -> Vec<[bool; 2]> {
                     }
                 }
                 if !is_lit && i < 32 {
-                    is_lit = placeless.iter().any(|light| reaches(world, light, &surface, normal));
+                    is_lit = direct.reaches(&surface, normal.as_vec3());
                 }
             }
             met.sort_unstable();
@@ -88,47 +85,19 @@ pub(super) fn lit(world: &World, patches: &Patches) -> Vec<[bool; 2]> {
             (met, is_lit)
         })
         .collect();
-    let mut group: Vec<u32> = (0..2 * n as u32).collect();
+    let mut groups = Groups::new(2 * n);
     for (node, (met, _)) in seen.iter().enumerate() {
-        for &other in met {
-            let (a, b) = (root(&mut group, node as u32), root(&mut group, other));
-            group[a.max(b) as usize] = a.min(b);
-        }
+        met.iter().for_each(|&other| groups.join(node as u32, other));
     }
     let mut has_light = vec![false; 2 * n];
     for (node, (_, is_lit)) in seen.iter().enumerate() {
-        let root = root(&mut group, node as u32);
-        has_light[root as usize] |= is_lit;
+        has_light[groups.root(node as u32) as usize] |= is_lit;
     }
-    (0..n as u32).map(|p| [0, 1].map(|side| has_light[root(&mut group, 2 * p + side) as usize])).collect()
-}
-
-/// The representative of a group, with its path halved.
-fn root(group: &mut [u32], mut node: u32) -> u32 {
-    while group[node as usize] != node {
-        group[node as usize] = group[group[node as usize] as usize];
-        node = group[node as usize];
-    }
-    node
+    (0..n as u32).map(|p| [0, 1].map(|side| has_light[groups.root(2 * p + side) as usize])).collect()
 }
 
 /// A point of a patch, uniform for triangles and parallelograms.
 fn inside(patch: &Patch, u: Vec2) -> DVec3 {
     let (s, t) = (f64::from(u.x), f64::from(u.y));
     patch.at(if patch.is_quad() || s + t <= 1.0 { [s, t] } else { [1.0 - s, 1.0 - t] })
-}
-
-/// A light that is not a surface sees a point.
-fn reaches(world: &World, light: &crate::scene::Light, surface: &crate::transport::Surface, normal: DVec3) -> bool {
-    use crate::emitter::{Emitter, EnvironmentShadows};
-    let mut found = false;
-    let emitter = Emitter::prepare(light, world.origin(), EnvironmentShadows::On);
-    emitter.for_each_incident(surface.p, &mut |incident| {
-        if !found && normal.dot(incident.wi.as_dvec3()) > 0.0 {
-            let ray = incident.target.map_or_else(|| surface.ray(incident.wi), |target| surface.segment_to(target));
-            let mut n = 0;
-            found = !world.transmittances(&[ray; 8], 1, true, &mut n)[0].is_black();
-        }
-    });
-    found
 }

@@ -52,7 +52,7 @@ pub struct Solution {
 }
 
 /// What the surfaces of a world are, over a mesh.
-pub fn system(world: &World, mesh: &ElementMesh, settings: &Settings) -> System {
+pub fn system(world: &World, mesh: &ElementMesh, direct: &DirectLight) -> System {
     let rgb = |s: Spectrum| [s.r, s.g, s.b].map(f64::from);
     let matter: Vec<_> = mesh.elements().par_iter().map(|e| mesh.matter(world, e)).collect();
     System {
@@ -60,14 +60,15 @@ pub fn system(world: &World, mesh: &ElementMesh, settings: &Settings) -> System 
         // Beyond one nothing would converge.
         reflectance: matter.iter().map(|m| rgb(m.reflectance).map(|r| r.clamp(0.0, 1.0))).collect(),
         emission: matter.iter().map(|m| rgb(m.emission)).collect(),
-        direct: DirectLight::new(world, &settings.extra_lights, settings.seed).irradiance(mesh),
+        direct: direct.irradiance(mesh),
     }
 }
 
 /// Solves a world at once.
 pub fn solve(world: &World, settings: &Settings) -> Solution {
-    let mesh = ElementMesh::new(world, &settings.mesh);
-    let system = system(world, &mesh, settings);
+    let direct = DirectLight::new(world, &settings.extra_lights, settings.seed);
+    let mesh = ElementMesh::new(world, &settings.mesh, &direct);
+    let system = system(world, &mesh, &direct);
     let factors = Factors::new(world, &mesh, &settings.estimator, settings.seed);
     let matrix = factors.matrix();
     let row_sums: Vec<f64> = (0..system.n()).into_par_iter().map(|i| matrix.row_sum(i)).collect();

@@ -72,6 +72,9 @@ impl<'a> Factors<'a> {
         match &self.kind {
             Kind::Analytic(pairs) => {
                 let area = self.mesh.elements()[i as usize].area;
+                if area <= 0.0 {
+                    return;
+                }
                 for j in (0..self.mesh.elements().len() as u32).filter(|&j| j != i) {
                     let exchange = pairs.exchange_area(i.min(j), i.max(j), &mut scratch.pair);
                     if exchange > 0.0 {

@@ -77,6 +77,10 @@ impl<'a> Pairs<'a> {
 
     /// `A_i F_ij = A_j F_ji`, m².
     pub fn exchange_area(&self, i: u32, j: u32, scratch: &mut Scratch) -> f64 {
+        if self.elements[i as usize].area <= 0.0 || self.elements[j as usize].area <= 0.0 {
+            // Covered as a whole.
+            return 0.0;
+        }
         let exact = self.unoccluded(i, j);
         if exact <= 0.0 {
             return 0.0;

@@ -20,7 +20,7 @@ pub(super) fn centroid(element: &Element) -> Node {
         sum += (c[0] + e[0] + e[1]) * (area / 3.0);
         whole += area;
     }
-    Node { p: if whole > 0.0 { sum / whole } else { element.centre() }, area: element.area }
+    Node { p: if whole > 0.0 { sum / whole } else { element.centre() }, area: element.whole_area }
 }
 
 /// The tensor rule of Gauss and Legendre with `n × n` points; a triangle is a quadrilateral with two corners in one place.
