@@ -4,7 +4,7 @@
 pub mod default_light;
 mod direct;
 mod emissive;
-mod footprint;
+pub(crate) mod footprint;
 pub mod framing;
 mod integrator;
 pub(crate) mod media;
@@ -21,6 +21,7 @@ pub use integrator::Integrator;
 pub use shading::{Shading, Textures};
 pub use solver::{Solver, Step};
 pub use surface::Surface;
-pub use unshadowed::Unshadowed;
+pub use unshadowed::{LightColumns, Unshadowed};
+pub(crate) use unshadowed::{Points, Tinted};
 pub use view::View;
 pub use world::World;
