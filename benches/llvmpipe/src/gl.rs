@@ -93,12 +93,10 @@ impl Gl {
         std::mem::forget(egl);
         // SAFETY: as above; names of objects come from the same context.
         unsafe {
-            let about =
-                format!("{}; OpenGL {}", gl.get_parameter_string(glow::RENDERER), gl.get_parameter_string(glow::VERSION));
+            let about = format!("{}; OpenGL {}", gl.get_parameter_string(glow::RENDERER), gl.get_parameter_string(glow::VERSION));
             let framebuffer = gl.create_framebuffer()?;
             gl.bind_framebuffer(glow::FRAMEBUFFER, Some(framebuffer));
-            for (format, place) in
-                [(glow::RGBA16F, glow::COLOR_ATTACHMENT0), (glow::DEPTH_COMPONENT32F, glow::DEPTH_ATTACHMENT)]
+            for (format, place) in [(glow::RGBA16F, glow::COLOR_ATTACHMENT0), (glow::DEPTH_COMPONENT32F, glow::DEPTH_ATTACHMENT)]
             {
                 let buffer = gl.create_renderbuffer()?;
                 gl.bind_renderbuffer(glow::RENDERBUFFER, Some(buffer));
@@ -194,17 +192,7 @@ impl Gl {
             gl.bind_texture(glow::TEXTURE_2D, Some(name));
             let (width, height) = (image.width as i32, image.height as i32);
             let data = glow::PixelUnpackData::Slice(Some(values));
-            gl.tex_image_2d(
-                glow::TEXTURE_2D,
-                0,
-                format as i32,
-                width,
-                height,
-                0,
-                glow::RGBA,
-                glow::UNSIGNED_BYTE,
-                data,
-            );
+            gl.tex_image_2d(glow::TEXTURE_2D, 0, format as i32, width, height, 0, glow::RGBA, glow::UNSIGNED_BYTE, data);
             gl.generate_mipmap(glow::TEXTURE_2D);
             for (what, value) in [
                 (glow::TEXTURE_WRAP_S, wrap(texture.sampler.wrap_u)),
@@ -325,9 +313,31 @@ impl Program {
             program
         };
         const NAMES: [&str; 25] = [
-            "projection", "emits_behind", "eye", "ambient", "base", "specular_a", "coat", "metal", "emission", "point_at",
-            "point_e", "point_falloff", "point_limits", "spot_axis", "spot_profile", "distant_to", "distant_e", "sky_axis",
-            "sky_up", "sky_down", "area_at", "area_n", "area_e", "area_sides", "picture",
+            "projection",
+            "emits_behind",
+            "eye",
+            "ambient",
+            "base",
+            "specular_a",
+            "coat",
+            "metal",
+            "emission",
+            "point_at",
+            "point_e",
+            "point_falloff",
+            "point_limits",
+            "spot_axis",
+            "spot_profile",
+            "distant_to",
+            "distant_e",
+            "sky_axis",
+            "sky_up",
+            "sky_down",
+            "area_at",
+            "area_n",
+            "area_e",
+            "area_sides",
+            "picture",
         ];
         // SAFETY: as above.
         let places = NAMES.map(|name| (name, unsafe { gl.get_uniform_location(program, name) })).into_iter().collect();

@@ -40,8 +40,7 @@ struct Options {
 }
 
 fn options() -> Option<Options> {
-    let mut options =
-        Options { turns: 7, size: (1920, 1080), filter: Filter::Bilinear, pictures: None, scenes: Vec::new() };
+    let mut options = Options { turns: 7, size: (1920, 1080), filter: Filter::Bilinear, pictures: None, scenes: Vec::new() };
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
         match word.as_str() {

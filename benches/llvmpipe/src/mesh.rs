@@ -63,8 +63,7 @@ impl Buffers {
             if mesh.colors.is_some() || (mesh.polygons.is_some() && interpolation == Interpolation::Flat) {
                 return Err("vertex colours, and flat faces of several triangles, are not drawn here".into());
             }
-            let positions: Vec<Vec3> =
-                positions.iter().map(|p| placed.to_world.map_or(*p, |m| m.transform_point3(*p))).collect();
+            let positions: Vec<Vec3> = positions.iter().map(|p| placed.to_world.map_or(*p, |m| m.transform_point3(*p))).collect();
             let mut by_material: HashMap<Option<MaterialId>, Vec<u32>> = HashMap::new();
             for primitive in 0..triangles.len() as u32 {
                 by_material.entry(world.scene().material_of(id, primitive)).or_default().push(primitive);

@@ -119,8 +119,7 @@ impl Stage {
             extra_lights: self.extra_lights.clone(),
             ..Default::default()
         };
-        let (solver, preparing) =
-            measure::time(|| ScanLine::new(&self.world, &self.view, &settings, self.sampling(layers)));
+        let (solver, preparing) = measure::time(|| ScanLine::new(&self.world, &self.view, &settings, self.sampling(layers)));
         let mut solver = solver?;
         let ((), drawing) = measure::time(|| finish(&mut solver, &self.world));
         Ok(Scanned { film: solver.into_film(), preparing, drawing })

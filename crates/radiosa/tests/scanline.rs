@@ -310,6 +310,38 @@ fn scan_line_gives_the_same_bits_at_any_thread_count() {
 }
 
 #[test]
+fn scan_line_gives_the_same_picture_on_both_processor_paths() {
+    for interpolation in [scanline::Interpolation::Flat, scanline::Interpolation::Gouraud, scanline::Interpolation::Phong] {
+        let film = |path| {
+            let mut setting = Setting::new(sample::load("light-types").expect("it is built in"), 0, (161, 97), 2);
+            setting.world = World::prepare(setting.world.scene().clone(), path).expect("the scene is valid");
+            setting.scan(scanline::Settings { interpolation, ..Default::default() }, 1, &[Layer::Color])
+        };
+        assert!(film(CpuPath::Portable) == film(CpuPath::detect()), "{interpolation:?}");
+    }
+}
+
+#[test]
+fn layers_and_samples_do_not_change_what_is_seen() {
+    for interpolation in [scanline::Interpolation::Flat, scanline::Interpolation::Gouraud, scanline::Interpolation::Phong] {
+        let setting = Setting::new(sample::load("whitted").expect("it is built in"), 0, (96, 72), 1);
+        let draw = |spp, layers: &[Layer]| setting.scan(scanline::Settings { interpolation, ..Default::default() }, spp, layers);
+        let all = draw(1, &Layer::ALL);
+        // With all layers, every place is lit by itself; with colour alone, a face at once.
+        let color = draw(1, &[Layer::Color]);
+        for name in ["R", "G", "B"] {
+            let (a, b) = (all.plane(name).unwrap(), color.plane(name).unwrap());
+            assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-4 * (1.0 + a)), "{interpolation:?} {name}");
+        }
+        assert!(all.plane("A") == draw(1, &[Layer::Alpha]).plane("A"), "{interpolation:?}");
+        // More samples than are drawn in one round.
+        let mean = |film: &Film| film.plane("G").unwrap().iter().sum::<f32>();
+        let (one, many) = (mean(&draw(16, &[Layer::Color])), mean(&draw(40, &[Layer::Color])));
+        assert!((one / many - 1.0).abs() < 0.01, "{interpolation:?} {one} {many}");
+    }
+}
+
+#[test]
 fn multisampled_edges_are_those_of_ray_casting_with_as_many_samples() {
     for name in ["parallel-plates", "phong-spheres"] {
         let setting = Setting::new(prepared(sample::load(name).expect("it is built in")), 0, (160, 90), 1);

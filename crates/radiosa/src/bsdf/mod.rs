@@ -95,12 +95,7 @@ impl Bsdf {
     /// The function of `material` at the point that `lookup` reads.
     pub fn resolve(material: &Material, lookup: &impl Lookup) -> Self {
         if material.unlit {
-            let color = match &material.model {
-                Model::Phong(m) => &m.diffuse,
-                Model::CookTorrance(m) => &m.diffuse,
-                Model::MetallicRoughness(m) => &m.base_color,
-            };
-            return Self::Unlit(lookup.color(color) * lookup.vertex_color());
+            return Self::Unlit(lookup.color(material.model.base_color()) * lookup.vertex_color());
         }
         match &material.model {
             Model::Phong(m) => Self::Phong(phong::Phong::resolve(m, lookup)),
@@ -112,6 +107,17 @@ impl Bsdf {
     /// A Lambertian surface of reflectance `rho`, which is also its ambient coefficient.
     pub fn lambert(rho: Spectrum) -> Self {
         Self::Phong(phong::Phong { ambient: rho, diffuse: rho, ..phong::Phong::default() })
+    }
+
+    /// The same with its diffuse or base colour, and the ambient coefficient with it, multiplied.
+    pub(crate) fn tinted(mut self, tint: Spectrum) -> Self {
+        match &mut self {
+            Self::Unlit(color) => *color = *color * tint,
+            Self::Phong(m) => (m.ambient, m.diffuse) = (m.ambient * tint, m.diffuse * tint),
+            Self::CookTorrance(m) => (m.ambient, m.diffuse) = (m.ambient * tint, m.diffuse * tint),
+            Self::MetallicRoughness(m) => m.base_color = m.base_color * tint,
+        }
+        self
     }
 
     /// `f(wo, wi)`, 1/sr. May be infinite at grazing light where the model is (Phong, V-cavities);

@@ -6,7 +6,8 @@
 //! more samples of them, or read from ever smaller copies ([`Pyramid`], [Williams83]) where the texture's filter says so.
 
 use crate::film::srgb;
-use crate::math::Vec2;
+use crate::math::lanes::{Columns, Cpu, Ints, LANES, Lanes, eight, eight_mut, for_each_cpu, xyz};
+use crate::math::{CpuPath, Vec2};
 use crate::scene::{Filter, Image, Pixels, Sampler, Scene, Texture, TextureRef, TextureSource, Wrap};
 
 /// A texture's red, green, blue and alpha at `uv`, the coordinates of the reference's set before its transform. Linear, whatever
@@ -64,6 +65,158 @@ fn bilinear(columns: [usize; 2], rows: [usize; 2], s: f32, t: f32, texel: impl F
         let (top, bottom) = (a[k] + s * (b[k] - a[k]), c[k] + s * (d[k] - c[k]));
         top + t * (bottom - top)
     })
+}
+
+/// What most textures are, a picture of bytes read by its four nearest texels, for eight points at a time: [`sample`] in lanes. Places are kept in f32
+/// here: a texel is off by 2⁻²⁴ of the picture's side.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bilinear<'a> {
+    texels: &'a [[u8; 4]],
+    decode: &'static [f32; 256],
+    size: [u32; 2],
+    wrap: [Wrap; 2],
+}
+
+impl<'a> Bilinear<'a> {
+    /// `None` where the texture is something else.
+    pub(crate) fn new(scene: &'a Scene, texture: &Texture) -> Option<Self> {
+        let TextureSource::Image(id) = &texture.source else { return None };
+        Self::of_image(&scene.images[id.index()], texture)
+    }
+
+    /// The same of one of the texture's copies.
+    fn of_image(image: &'a Image, texture: &Texture) -> Option<Self> {
+        let sampler = texture.sampler;
+        let Pixels::Rgba8(values) = &image.pixels else { return None };
+        if sampler.filter == Filter::Nearest {
+            return None;
+        }
+        let decode = if texture.is_srgb { srgb::byte_table() } else { linear_table() };
+        let (size, wrap) = ([image.width, image.height], [sampler.wrap_u, sampler.wrap_v]);
+        Some(Self { texels: values.as_chunks().0, decode, size, wrap })
+    }
+
+    /// The colours at points `range` of a triangle, given by their barycentric weights; `uv` are the coordinates at its vertices, after the reference's transform.
+    pub(crate) fn sample(&self, path: CpuPath, uv: &[Vec2; 3], weights: &Columns, range: [usize; 2], out: &mut Columns) {
+        sample_eight(path, self, uv, weights, range, out);
+    }
+}
+
+impl Bilinear<'_> {
+    /// The same from the texture's copies, mixed as [`sample_level`] does: copy `c` has the share `(1 − |level − c|)⁺`. `level` is that of each point, `copy` is
+    /// overwritten.
+    pub(crate) fn sample_levels(
+        &self,
+        path: CpuPath,
+        (texture, pyramid): (&Texture, &Pyramid),
+        (uv, weights): (&[Vec2; 3], &Columns),
+        (level, range): (&[f32], [usize; 2]),
+        (copy, out): (&mut Columns, &mut Columns),
+    ) {
+        let points = range[0]..range[1];
+        let last = pyramid.copies.len() as f32;
+        let levels = || level[points.clone()].iter().map(|l| l.clamp(0.0, last));
+        let (least, greatest) = levels().fold((last, 0.0f32), |(lo, hi), l| (lo.min(l), hi.max(l)));
+        out.iter_mut().for_each(|column| column[points.clone()].fill(0.0));
+        for c in least as usize..=greatest.ceil() as usize {
+            let picture = if c == 0 { Some(*self) } else { Bilinear::of_image(&pyramid.copies[c - 1], texture) };
+            let Some(picture) = picture else { return };
+            picture.sample(path, uv, weights, range, copy);
+            for (out, copy) in out.iter_mut().zip(&*copy) {
+                for ((out, copy), level) in out[points.clone()].iter_mut().zip(&copy[points.clone()]).zip(levels()) {
+                    *out += (1.0 - (level - c as f32).abs()).max(0.0) * copy;
+                }
+            }
+        }
+    }
+}
+
+for_each_cpu! {
+    fn sample_eight(picture: &Bilinear<'_>, uv: &[Vec2; 3], weights: &Columns, range: [usize; 2], out: &mut Columns) = sample_eight_on;
+}
+
+#[inline(always)]
+fn sample_eight_on<C: Cpu>(
+    picture: &Bilinear<'_>,
+    uv: &[Vec2; 3],
+    weights: &Columns,
+    [mut first, end]: [usize; 2],
+    out: &mut Columns,
+) {
+    type L<C> = <C as Cpu>::Wide;
+    while first < end {
+        let w = xyz!(k => L::<C>::load(eight(&weights[k], first)));
+        let (columns, s) = neighbours(mix([uv[0].x, uv[1].x, uv[2].x], w), picture.size[0], picture.wrap[0]);
+        let (rows, t) = neighbours(mix([uv[0].y, uv[1].y, uv[2].y], w), picture.size[1], picture.wrap[1]);
+        let mut read = [[[0.0; LANES]; 3]; 4];
+        let width = picture.size[0] as usize;
+        let mut lane = 0;
+        while lane < LANES {
+            let [left, right] = [columns[0][lane] as usize, columns[1][lane] as usize];
+            let [top, bottom] = [rows[0][lane] as usize * width, rows[1][lane] as usize * width];
+            let corners = [top + left, top + right, bottom + left, bottom + right];
+            let mut corner = 0;
+            while corner < 4 {
+                let [r, g, b, _] = picture.texels[corners[corner]];
+                read[corner][0][lane] = picture.decode[usize::from(r)];
+                read[corner][1][lane] = picture.decode[usize::from(g)];
+                read[corner][2][lane] = picture.decode[usize::from(b)];
+                corner += 1;
+            }
+            lane += 1;
+        }
+        let mut k = 0;
+        while k < 3 {
+            let (a, b) = (L::<C>::load(&read[0][k]), L::<C>::load(&read[1][k]));
+            let (c, d) = (L::<C>::load(&read[2][k]), L::<C>::load(&read[3][k]));
+            let (upper, lower) = (a.add(s.mul(b.sub(a))), c.add(s.mul(d.sub(c))));
+            *eight_mut(&mut out[k], first) = upper.add(t.mul(lower.sub(upper))).store();
+            k += 1;
+        }
+        first += LANES;
+    }
+}
+
+/// `Σ v w`.
+#[inline(always)]
+fn mix<L: Lanes>(v: [f32; 3], w: [L; 3]) -> L {
+    L::splat(v[0]).mul(w[0]).add(L::splat(v[1]).mul(w[1])).add(L::splat(v[2]).mul(w[2]))
+}
+
+/// The texels on either side of coordinates along one axis of `n` texels, and how far from the first to the second.
+#[inline(always)]
+fn neighbours<L: Lanes>(u: L, n: u32, wrap: Wrap) -> ([[i32; 8]; 2], L) {
+    let (zero, one, half) = (L::splat(0.0), L::splat(1.0), L::splat(0.5));
+    let n = L::splat(n as f32);
+    let u = L::select(u.abs().le(L::splat(f32::MAX)), u, zero);
+    let near = match wrap {
+        Wrap::Repeat => u.sub(whole(u)),
+        Wrap::Mirror => u.sub(L::splat(2.0).mul(whole(half.mul(u)))),
+        Wrap::Clamp => u.max(one.neg()).min(L::splat(2.0)),
+    };
+    let x = near.mul(n).sub(half);
+    let i = whole(x);
+    ([within(i, n, wrap).round().store(), within(i.add(one), n, wrap).round().store()], x.sub(i))
+}
+
+/// The texel that stands at `i`, of `n`: [`wrap_index`] for what lies a texel outside of the picture at most, or of its mirror image behind it.
+#[inline(always)]
+fn within<L: Lanes>(i: L, n: L, wrap: Wrap) -> L {
+    let (zero, last) = (L::splat(0.0), n.sub(L::splat(1.0)));
+    match wrap {
+        Wrap::Repeat => L::select(i.lt(zero), last, L::select(last.lt(i), zero, i)),
+        Wrap::Mirror => L::select(last.lt(i), last.add(n).sub(i), i).max(zero),
+        Wrap::Clamp => i.max(zero).min(last),
+    }
+}
+
+/// The largest whole number not above `x`.
+#[inline(always)]
+fn whole<L: Lanes>(x: L) -> L {
+    // Beyond 2²³ f32 knows whole numbers only.
+    let near = x.abs().lt(L::splat(8_388_608.0));
+    let rounded = L::of_ints(x.round());
+    L::select(near, rounded.sub(L::select(x.lt(rounded), L::splat(1.0), L::splat(0.0))), x)
 }
 
 /// A picture's smaller copies: each half as wide and high as the one before, down to one texel.
@@ -288,6 +441,38 @@ mod tests {
         assert!((whole - 17.0 / 36.0).abs() < 6e-3 && at(50.0) == whole, "{whole}");
         assert!((at(1.5) - 0.5 * (at(1.0) + at(2.0))).abs() < 1e-6);
         assert_eq!(at(-3.0), sample(&scene, &TextureRef::new(TextureId(0)), Vec2::new(0.5, 0.5))[0]);
+    }
+
+    #[test]
+    fn eight_points_at_a_time_are_read_as_one_is() {
+        let bytes: Vec<u8> = (0..4 * 7 * 5u32).map(|i| (i * 37 % 256) as u8).collect();
+        let image = Image { name: String::new(), width: 7, height: 5, pixels: Pixels::Rgba8(bytes.into()) };
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            for is_srgb in [false, true] {
+                let texture =
+                    Texture { source: TextureSource::Image(ImageId(0)), sampler: sampler(wrap, Filter::Bilinear), is_srgb };
+                let scene = Scene { textures: vec![texture.clone()], images: vec![image.clone()], ..Scene::default() };
+                let picture = Bilinear::new(&scene, &texture).expect("it is such a picture");
+                for reach in [0.3, 3.0, 1e30, f32::INFINITY] {
+                    let uv = [Vec2::new(-reach, 0.25), Vec2::new(reach, -0.7), Vec2::new(0.1, 0.9 * reach)];
+                    let n = 41;
+                    let weights: Columns =
+                        [0, 1, 2].map(|k| (0..n + LANES).map(|i| ((i * (k + 2)) % 11) as f32 / 16.0).collect());
+                    let mut all: [Columns; 2] = [(); 2].map(|()| [(); 3].map(|()| vec![0.0; n + LANES]));
+                    for (path, out) in [CpuPath::Portable, CpuPath::detect()].into_iter().zip(&mut all) {
+                        picture.sample(path, &uv, &weights, [0, n], out);
+                    }
+                    for i in 0..n {
+                        let at = (0..3).map(|k| uv[k] * weights[k][i]).fold(Vec2::ZERO, |sum, v| sum + v);
+                        let one = super::sample(&scene, &TextureRef::new(TextureId(0)), at);
+                        for k in 0..3 {
+                            assert_eq!(all[0][k][i].to_bits(), all[1][k][i].to_bits());
+                            assert!((all[0][k][i] - one[k]).abs() < 1e-4, "{wrap:?} {at}: {} {}", all[0][k][i], one[k]);
+                        }
+                    }
+                }
+            }
+        }
     }
 
     #[test]

@@ -20,6 +20,7 @@ pub use filter::{Filter, FilterSample};
 pub use layer::{Decomposition, Layer};
 pub use pixel::{Accumulator, Pixel};
 
+use rayon::prelude::*;
 use thiserror::Error;
 
 use crate::spectrum::Spectrum;
@@ -185,10 +186,17 @@ impl Film {
         }
     }
 
-    /// Stores colour and alpha of pixel `i`, row by row, of a film that keeps no other layers.
-    pub(crate) fn set_color(&mut self, i: usize, color: Spectrum, alpha: f32) {
-        for (plane, value) in self.planes.iter_mut().zip([color.r, color.g, color.b, alpha]) {
-            plane.values[i] = value;
+    /// Hands out the planes of colour, as 0 to 2, and alpha, as 3.
+    pub(crate) fn fill(&mut self, mut f: impl FnMut(usize, &mut [f32])) {
+        let (mut color, mut alpha) = (0, 3);
+        for plane in &mut self.planes {
+            let next = match plane.layer {
+                Layer::Color => &mut color,
+                Layer::Alpha => &mut alpha,
+                _ => continue,
+            };
+            f(*next, &mut plane.values);
+            *next += 1;
         }
     }
 
@@ -207,6 +215,31 @@ impl Film {
             }
             if let (Some(own), Some(ids)) = (&mut self.object_ids, &part.object_ids) {
                 own[target].copy_from_slice(&ids[source]);
+            }
+        }
+    }
+
+    /// Copies films of the same layers side by side: rows of `across` parts, those of a row equally high, from row `y` of the picture on. In parallel.
+    ///
+    /// # Panics
+    /// When they do not fit, or their layers differ.
+    pub(crate) fn paste_rows(&mut self, y: u32, parts: &[Self], across: usize) {
+        let Some(first) = parts.first() else { return };
+        assert!(parts.iter().all(|part| part.layers() == self.layers()), "the layers differ");
+        let width = self.width as usize;
+        let (start, rows) = (y as usize * width, first.height as usize * width);
+        let floats = self.planes.iter_mut().enumerate().flat_map(|(k, plane)| {
+            let bands = plane.values[start..].chunks_mut(rows).zip(parts.chunks(across));
+            bands.map(move |(band, parts)| (band, parts, k))
+        });
+        let copy = |(band, parts, k): (&mut [f32], &[Self], usize)| {
+            side_by_side(band, width, parts.iter().map(|part| (&part.planes[k].values[..], part.width as usize)));
+        };
+        floats.collect::<Vec<_>>().into_par_iter().for_each(copy);
+        if let Some(ids) = &mut self.object_ids {
+            for (band, parts) in ids[start..].chunks_mut(rows).zip(parts.chunks(across)) {
+                let ids = parts.iter().map(|part| (part.object_ids.as_deref().unwrap_or_default(), part.width as usize));
+                side_by_side(band, width, ids);
             }
         }
     }
@@ -251,6 +284,17 @@ impl Film {
             largest = largest.max(color.at(i).map(f32::abs).max_channel());
         }
         Some(if error > 0.0 { error / largest.max(f32::MIN_POSITIVE) } else { 0.0 })
+    }
+}
+
+/// Copies pictures of known widths into one of `width`, from left to right.
+fn side_by_side<'a, T: Copy + 'a>(to: &mut [T], width: usize, parts: impl Iterator<Item = (&'a [T], usize)>) {
+    let mut x = 0;
+    for (part, across) in parts {
+        for (row, from) in to.chunks_mut(width).zip(part.chunks(across)) {
+            row[x..x + across].copy_from_slice(from);
+        }
+        x += across;
     }
 }
 

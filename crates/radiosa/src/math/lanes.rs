@@ -57,6 +57,7 @@ pub(crate) trait Ints: Copy {
     type Mask: Copy;
     fn splat(x: i32) -> Self;
     fn load(row: &[i32; 8]) -> Self;
+    fn store(self) -> [i32; 8];
     fn add(self, b: Self) -> Self;
     fn sub(self, b: Self) -> Self;
     fn or(self, b: Self) -> Self;
@@ -87,6 +88,24 @@ macro_rules! xyz {
     };
 }
 pub(crate) use xyz;
+
+/// Values in a lane.
+pub(crate) const LANES: usize = 8;
+
+/// Columns of three: coordinates or channels, one row a point. They are as long as kernels need that read and write eight rows at once.
+pub(crate) type Columns = [Vec<f32>; 3];
+
+/// Eight rows of a column from row `i` on.
+#[inline(always)]
+pub(crate) fn eight(column: &[f32], i: usize) -> &[f32; 8] {
+    column[i..].first_chunk().expect("columns have room for the lanes behind their last row")
+}
+
+/// Eight rows of a column from row `i` on, to be written.
+#[inline(always)]
+pub(crate) fn eight_mut(column: &mut [f32], i: usize) -> &mut [f32; 8] {
+    column[i..].first_chunk_mut().expect("columns have room for the lanes behind their last row")
+}
 
 /// Defines functions that run a generic kernel compiled for a processor: the first argument says for which, and is checked.
 macro_rules! for_each_cpu {
@@ -153,6 +172,10 @@ impl Ints for PlainInts {
     #[inline(always)]
     fn load(row: &[i32; 8]) -> Self {
         Self(*row)
+    }
+    #[inline(always)]
+    fn store(self) -> [i32; 8] {
+        self.0
     }
     #[inline(always)]
     fn add(self, b: Self) -> Self {
@@ -347,6 +370,12 @@ mod avx2 {
         #[inline(always)]
         fn load(row: &[i32; 8]) -> Self {
             unsafe { Self(_mm256_loadu_si256(row.as_ptr().cast())) }
+        }
+        #[inline(always)]
+        fn store(self) -> [i32; 8] {
+            let mut out = [0; 8];
+            unsafe { _mm256_storeu_si256(out.as_mut_ptr().cast(), self.0) };
+            out
         }
         #[inline(always)]
         fn add(self, b: Self) -> Self {

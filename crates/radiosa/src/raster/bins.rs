@@ -142,9 +142,11 @@ impl Bins {
     }
 
     /// The triangles that may touch a tile, in the order of their items.
-    pub fn of_tile(&self, grid: &Grid, tile: usize) -> impl Iterator<Item = &Triangle> {
+    pub fn of_tile(&self, grid: &Grid, tile: usize) -> Vec<&Triangle> {
         let (column, row) = (tile as u32 % grid.columns(), tile as u32 / grid.columns());
-        self.chunks.iter().flat_map(move |chunk| chunk.of_tile(column, row))
+        let mut all = Vec::new();
+        self.chunks.iter().for_each(|chunk| chunk.of_tile(column, row, &mut all));
+        all
     }
 
     /// Triangles that were not dropped.
@@ -193,21 +195,19 @@ impl Chunk {
         Self { triangles, tiles, offsets, entries, large }
     }
 
-    fn of_tile(&self, column: u32, row: u32) -> impl Iterator<Item = &Triangle> {
-        let small = if self.tiles.contains(column, row) {
+    fn of_tile<'a>(&'a self, column: u32, row: u32, all: &mut Vec<&'a Triangle>) {
+        let mut small = if self.tiles.contains(column, row) {
             let tile = self.tiles.index(column, row);
             &self.entries[self.offsets[tile] as usize..self.offsets[tile + 1] as usize]
         } else {
             &[]
         };
-        let mut large = self.large.iter().filter(move |(_, t)| t.contains(column, row)).map(|(i, _)| *i).peekable();
-        let mut small = small.iter().copied().peekable();
         // Two ascending lists, merged.
-        std::iter::from_fn(move || match (small.peek(), large.peek()) {
-            (Some(s), Some(l)) if l < s => large.next(),
-            (Some(_), _) => small.next(),
-            (None, _) => large.next(),
-        })
-        .map(|i| &self.triangles[i as usize])
+        for (large, _) in self.large.iter().filter(|(_, tiles)| tiles.contains(column, row)) {
+            let (before, after) = small.split_at(small.partition_point(|s| s < large));
+            all.extend(before.iter().chain([large]).map(|i| &self.triangles[*i as usize]));
+            small = after;
+        }
+        all.extend(small.iter().map(|i| &self.triangles[*i as usize]));
     }
 }

@@ -5,10 +5,11 @@
 //! behind the eye as well, so clipped faces need no new attributes.
 
 use super::surfaces::{Faces, Surfaces};
-use crate::math::{DVec3, Vec3};
+use crate::math::lanes::{Columns, Cpu, LANES, Lanes, eight, eight_mut, for_each_cpu, xyz};
+use crate::math::{CpuPath, DVec3, Vec2, Vec3, Vec4};
 use crate::raster::Projection;
-use crate::scene::{Geometry, InstanceId, MaterialId};
-use crate::transport::{Surface, World};
+use crate::scene::{Geometry, InstanceId, MaterialId, Mesh, TextureRef};
+use crate::transport::{Points, Surface, World};
 
 /// One face.
 #[derive(Clone, Debug)]
@@ -25,9 +26,25 @@ pub(super) struct Facet {
     is_exact_shape: bool,
     /// Of the face of a tessellation it is a part of.
     middle: Option<Vec3>,
-    material: Option<MaterialId>,
-    /// Number of the light at its first vertex, or of its only one, among all that was computed; `None` until then.
-    pub(super) lit_as: Option<u32>,
+    pub(super) material: Option<MaterialId>,
+}
+
+/// Where points are seen from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Eye {
+    at: Vec3,
+    /// Unit.
+    forward: Vec3,
+    is_perspective: bool,
+    /// Highlights are seen from infinitely far away.
+    is_far: bool,
+}
+
+impl Eye {
+    pub(super) fn new(projection: &Projection, is_far: bool) -> Self {
+        let (at, forward) = (projection.eye().as_vec3(), projection.forward().as_vec3());
+        Self { at, forward, is_perspective: projection.is_perspective(), is_far }
+    }
 }
 
 /// Vertices of a source face whose mean is its middle: enough for every ordinary face, and few enough for odd ones of thousands.
@@ -56,7 +73,6 @@ impl Facet {
             is_exact_shape: faces.is_exact_shape,
             middle: surfaces.middle(&faces, own),
             material: world.scene().material_of(instance, primitive),
-            lit_as: None,
         }
     }
 
@@ -65,6 +81,36 @@ impl Facet {
         let e = self.weights.map(|[a, b, c]| (a * x + b * y + c).max(0.0));
         let sum = e[0] + e[1] + e[2];
         if sum > 0.0 && sum.is_finite() { e.map(|e| e / sum) } else { [1.0 / 3.0; 3] }
+    }
+
+    /// The same for many places, into `range` of the columns.
+    pub(super) fn weights(&self, path: CpuPath, x: &[f32], y: &[f32], range: [usize; 2], out: &mut Columns) {
+        weigh(path, &self.weights, x, y, range, out);
+    }
+
+    /// The points of weights `range`, as [`Self::surface`] and `World::shading` without normal maps have them, from point `first` on.
+    pub(super) fn points(&self, path: CpuPath, eye: &Eye, weights: &Columns, range: [usize; 2], first: usize, out: &mut Points) {
+        interpolate(path, self, eye, weights, range, first, out);
+    }
+
+    /// The mesh it is a face of, and its vertices there; `None` for exact shapes.
+    fn vertices<'w>(&self, world: &'w World) -> Option<(&'w Mesh, [u32; 3])> {
+        let Geometry::Mesh(mesh) = world.scene().instances[self.instance.index()].geometry else { return None };
+        let mesh = &world.scene().meshes[mesh.index()];
+        Some((mesh, mesh.triangles[self.primitive as usize]))
+    }
+
+    /// The texture coordinates at its vertices, after the reference's transform; `None` for exact shapes, where they are no linear function.
+    pub(super) fn uv(&self, world: &World, map: &TextureRef) -> Option<[Vec2; 3]> {
+        let (mesh, vertices) = self.vertices(world)?;
+        let uv = mesh.uvs.get(map.uv_set as usize).map_or([Vec2::ZERO; 3], |uvs| vertices.map(|i| uvs[i as usize]));
+        Some(map.transform.map_or(uv, |t| uv.map(|uv| t.apply(uv))))
+    }
+
+    /// The vertex colours; `None` where it has none.
+    pub(super) fn colors(&self, world: &World) -> Option<[Vec4; 3]> {
+        let (mesh, vertices) = self.vertices(world)?;
+        mesh.colors.as_ref().map(|colors| vertices.map(|i| colors[i as usize]))
     }
 
     /// The point of those weights, with the normal interpolated from the vertices, or the face's own when `is_flat`.
@@ -128,6 +174,96 @@ fn weights(projection: &Projection, positions: &[Vec3; 3], corner: [f64; 2]) -> 
         let c = if determinant == 0.0 { c } else { c / determinant };
         [c.x as f32, c.y as f32, (c.x * corner[0] + c.y * corner[1] + c.z) as f32]
     })
+}
+
+for_each_cpu! {
+    fn weigh(facet: &[[f32; 3]; 3], x: &[f32], y: &[f32], range: [usize; 2], out: &mut Columns) = weigh_on;
+    fn interpolate(facet: &Facet, eye: &Eye, weights: &Columns, range: [usize; 2], first: usize, out: &mut Points) = interpolate_on;
+}
+
+/// As [`Facet::at`].
+#[inline(always)]
+fn weigh_on<C: Cpu>(facet: &[[f32; 3]; 3], x: &[f32], y: &[f32], [mut i, end]: [usize; 2], out: &mut Columns) {
+    type L<C> = <C as Cpu>::Wide;
+    let (zero, third) = (L::<C>::splat(0.0), L::<C>::splat(1.0 / 3.0));
+    while i < end {
+        let (x, y) = (L::<C>::load(eight(x, i)), L::<C>::load(eight(y, i)));
+        let e = xyz!(k => {
+            let [a, b, c] = facet[k];
+            L::<C>::splat(a).mul(x).add(L::<C>::splat(b).mul(y)).add(L::<C>::splat(c)).max(zero)
+        });
+        let sum = e[0].add(e[1]).add(e[2]);
+        let is_sound = L::<C>::both(zero.lt(sum), sum.le(L::<C>::splat(f32::MAX)));
+        let mut k = 0;
+        while k < 3 {
+            *eight_mut(&mut out[k], i) = L::<C>::select(is_sound, e[k].div(sum), third).store();
+            k += 1;
+        }
+        i += LANES;
+    }
+}
+
+type V3<L> = [L; 3];
+
+#[inline(always)]
+fn dot<L: Lanes>(a: V3<L>, b: V3<L>) -> L {
+    a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
+}
+
+#[inline(always)]
+fn splat3<L: Lanes>(v: Vec3) -> V3<L> {
+    [L::splat(v.x), L::splat(v.y), L::splat(v.z)]
+}
+
+#[inline(always)]
+fn mix<L: Lanes>(v: &[Vec3; 3], w: V3<L>) -> V3<L> {
+    let (a, b, c) = (splat3::<L>(v[0]), splat3::<L>(v[1]), splat3::<L>(v[2]));
+    xyz!(k => a[k].mul(w[0]).add(b[k].mul(w[1])).add(c[k].mul(w[2])))
+}
+
+/// Of unit length, or `other` where it has no direction.
+#[inline(always)]
+fn normalize_or<L: Lanes>(v: V3<L>, other: V3<L>) -> V3<L> {
+    let inverse = L::splat(1.0).div(dot(v, v).sqrt());
+    let is_sound = L::both(L::splat(0.0).lt(inverse), inverse.le(L::splat(f32::MAX)));
+    xyz!(k => L::select(is_sound, v[k].mul(inverse), other[k]))
+}
+
+/// `v` where `is_kept`, else `−v`.
+#[inline(always)]
+fn turn<L: Lanes>(is_kept: L::Mask, v: V3<L>) -> V3<L> {
+    xyz!(k => L::select(is_kept, v[k], v[k].neg()))
+}
+
+/// As [`Facet::surface`], and the front turned to the viewer.
+#[inline(always)]
+fn interpolate_on<C: Cpu>(facet: &Facet, eye: &Eye, weights: &Columns, [mut i, end]: [usize; 2], first: usize, out: &mut Points) {
+    type L<C> = <C as Cpu>::Wide;
+    let zero = L::<C>::splat(0.0);
+    let (ng, back, at) = (splat3::<L<C>>(facet.ng), splat3::<L<C>>(-eye.forward), splat3::<L<C>>(eye.at));
+    let mut row = first;
+    while i < end {
+        let w: V3<L<C>> = xyz!(k => L::<C>::load(eight(&weights[k], i)));
+        let p = mix(&facet.positions, w);
+        let n = match &facet.normals {
+            Some(normals) => {
+                let n = normalize_or(mix(normals, w), ng);
+                turn::<L<C>>(zero.le(dot(n, ng)), n)
+            }
+            None => ng,
+        };
+        let wo = if eye.is_perspective { normalize_or(xyz!(k => at[k].sub(p[k])), back) } else { back };
+        let n = turn::<L<C>>(zero.le(dot(ng, wo)), n);
+        let wo = if eye.is_far { back } else { wo };
+        let mut k = 0;
+        while k < 3 {
+            *eight_mut(&mut out.p[k], row) = p[k].store();
+            *eight_mut(&mut out.n[k], row) = n[k].store();
+            *eight_mut(&mut out.wo[k], row) = wo[k].store();
+            k += 1;
+        }
+        (i, row) = (i + LANES, row + LANES);
+    }
 }
 
 /// The vertex normals in world coordinates; `None` where there are none that are usable.

@@ -13,6 +13,8 @@
 //! What it does not do: shadows, reflections, refraction, panoramic cameras.
 
 mod facet;
+mod light;
+mod look;
 mod set_up;
 mod surfaces;
 mod tile;
@@ -21,10 +23,12 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use crate::film::{Film, FilmError, Filter, FilterSample, Layer, Sampling};
-use crate::raster::{Bins, Grid, Projection, SUBPIXELS};
+use crate::raster::{Bins, Grid, Projection, SUBPIXELS, TILE};
 use crate::sampling::sequence;
-use crate::scene::Light;
+use crate::scene::{Light, MaterialId};
 use crate::transport::{Footprint, LightSettings, Lights, Solver, Step, View, Viewer, World};
+use facet::Eye;
+use look::Look;
 use set_up::SetUp;
 use surfaces::Surfaces;
 
@@ -34,7 +38,7 @@ pub const MAX_LAYERS: usize = 32;
 /// Camera samples that are drawn together; more are drawn in several rounds.
 const MAX_SAMPLES: u32 = 16;
 
-/// Tiles a step.
+/// Tiles a step, less what would begin another row of them.
 const TILES_A_STEP: usize = 256;
 
 /// Where the light of a face is computed.
@@ -110,6 +114,9 @@ pub struct ScanLine<'a> {
     view: &'a View,
     projection: Projection,
     surfaces: Surfaces,
+    /// By material, and last for faces without one.
+    looks: Vec<Look>,
+    eye: Eye,
     lights: Lights,
     interpolation: Interpolation,
     culling: Culling,
@@ -125,6 +132,8 @@ pub struct ScanLine<'a> {
     band: usize,
     bins: Option<Bins>,
     next: usize,
+    /// Those of the last step, to be used again.
+    tiles: Vec<Film>,
     n_triangles: u64,
 }
 
@@ -146,9 +155,12 @@ impl<'a> ScanLine<'a> {
             .collect();
         let reach = samples.iter().map(|s| s.offset.abs().max_element()).fold(0.0, f32::max);
         let spread = (reach * SUBPIXELS as f32).ceil() as i32;
+        let ids = (0..world.scene().materials.len()).map(|i| Some(MaterialId(i as u32))).chain([None]);
         Ok(Self {
             view,
+            eye: Eye::new(&projection, settings.viewer == Viewer::Infinite),
             projection,
+            looks: ids.map(|id| Look::new(world.material(id), surfaces.kind(id))).collect(),
             surfaces,
             lights: Lights::prepare(world, &settings.lights, &settings.extra_lights),
             interpolation: settings.interpolation,
@@ -163,6 +175,7 @@ impl<'a> ScanLine<'a> {
             band: 0,
             bins: None,
             next: 0,
+            tiles: Vec::new(),
             n_triangles: 0,
         })
     }
@@ -192,6 +205,10 @@ impl<'a> ScanLine<'a> {
         self.samples.len() == 1 && self.film.layers().iter().all(|l| matches!(l, Layer::Color | Layer::Alpha))
     }
 
+    fn look(&self, material: Option<MaterialId>) -> &Look {
+        &self.looks[material.map_or(self.looks.len() - 1, MaterialId::index)]
+    }
+
     /// Some layer is not light.
     fn wants_data(&self) -> bool {
         let data = [Layer::Albedo, Layer::Normal, Layer::Position, Layer::Depth, Layer::ObjectId];
@@ -211,17 +228,20 @@ impl Solver for ScanLine<'_> {
             self.bins = Some(bins);
             self.next = 0;
         }
-        let end = (self.next + TILES_A_STEP).min(grid.n_tiles());
+        let across = grid.columns() as usize;
+        let end = (self.next + across * (TILES_A_STEP / across).max(1)).min(grid.n_tiles());
         if let Some(bins) = &self.bins {
+            let mut tiles = std::mem::take(&mut self.tiles);
+            let empty =
+                || Film::new(TILE, TILE, &self.sampling.layers).expect("a tile is no larger than a picture that could be had");
+            tiles.resize_with(end - self.next, empty);
             let this = &*self;
-            let tiles: Vec<Film> = (self.next..end)
-                .into_par_iter()
-                .map_init(|| tile::Scratch::new(this, world), |scratch, i| tile::draw(this, world, &grid, bins, i, scratch))
-                .collect();
-            for (i, tile) in (self.next..end).zip(tiles) {
-                let (x, y) = grid.corner(i);
-                self.film.paste(x, y, &tile);
-            }
+            tiles.par_iter_mut().enumerate().for_each_init(
+                || tile::Scratch::new(this, world),
+                |scratch, (i, film)| tile::draw(this, world, &grid, bins, this.next + i, scratch, film),
+            );
+            self.film.paste_rows(grid.corner(self.next).1, &tiles, across);
+            self.tiles = tiles;
         }
         self.next = end;
         if end == grid.n_tiles() {

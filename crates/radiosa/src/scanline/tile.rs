@@ -5,42 +5,77 @@ use super::surfaces::Kind;
 use super::{Interpolation, MAX_LAYERS, MAX_SAMPLES, ScanLine};
 use crate::film::{Accumulator, Film, FilterSample, Pixel};
 use crate::math::Vec3;
+use crate::math::lanes::{Columns, LANES};
 use crate::raster::depth::NOTHING;
 use crate::raster::{Bins, Grid, ItemBuffer, Sample, TILE, Tile, Triangle};
 use crate::spectrum::Spectrum;
-use crate::transport::{LocalLight, Shading, Surface, Textures, Unshadowed, Viewer, World, default_light};
+use crate::transport::{LightColumns, LocalLight, Unshadowed, World, default_light};
 
 /// What a thread keeps from tile to tile.
 pub(super) struct Scratch<'a> {
     buffers: Vec<ItemBuffer>,
-    facets: Vec<Option<Box<Facet>>>,
+    pub(super) facets: Facets,
     covered: Vec<Sample>,
     fragments: Vec<Fragment>,
     /// What is to be lit, and what comes of it.
-    asked: Vec<Asked>,
-    shown: Vec<Shown>,
-    data: Vec<Data>,
-    lit: Unshadowed<'a>,
+    pub(super) asked: Asked,
+    pub(super) shown: Vec<Shown>,
+    pub(super) data: Vec<Data>,
+    pub(super) lit: Unshadowed<'a>,
     /// Light interpolated over faces.
-    mixed: Vec<LocalLight>,
-    /// For each sample of each pixel, from front to back: indices into `asked`, [`BEHIND`] added where something lies behind; the last may be [`BACKGROUND`].
+    pub(super) mixed: LightColumns,
+    pub(super) varying: Varying,
+    /// For each sample of each pixel, from front to back: numbers of places, [`BEHIND`] added where something lies behind; the last may be [`BACKGROUND`].
     chains: Vec<u32>,
+    /// Places before they are sorted, and their numbers then.
+    unsorted: Vec<Place>,
+    moved: Vec<u32>,
 }
 
 impl<'a> Scratch<'a> {
     pub(super) fn new(method: &'a ScanLine<'_>, world: &'a World) -> Self {
         Self {
             buffers: Vec::new(),
-            facets: Vec::new(),
+            facets: Facets::default(),
             covered: Vec::new(),
             fragments: Vec::new(),
-            asked: Vec::new(),
+            asked: Asked::default(),
             shown: Vec::new(),
             data: Vec::new(),
             lit: Unshadowed::new(world, &method.lights),
-            mixed: Vec::new(),
+            mixed: LightColumns::default(),
+            varying: Varying::default(),
             chains: Vec::new(),
+            unsorted: Vec::new(),
+            moved: Vec::new(),
         }
+    }
+}
+
+/// The faces of a tile that were needed.
+#[derive(Debug, Default)]
+pub(super) struct Facets {
+    all: Vec<Facet>,
+    /// By item: the number of its face among them; [`NOTHING`] until it is needed.
+    of_item: Vec<u32>,
+}
+
+/// What varies over faces, by place.
+#[derive(Debug, Default)]
+pub(super) struct Varying {
+    /// Barycentric.
+    pub(super) weights: Columns,
+    /// What the base colour is multiplied by; in the end, the colour of the place.
+    pub(super) tint: Columns,
+    /// One of the texture's copies, and which of them are wanted.
+    pub(super) copy: Columns,
+    pub(super) level: Vec<f32>,
+}
+
+impl Varying {
+    pub(super) fn resize(&mut self, n: usize) {
+        let columns = self.weights.iter_mut().chain(&mut self.tint).chain(&mut self.copy).chain([&mut self.level]);
+        columns.for_each(|column| column.resize(n + LANES, 0.0));
     }
 }
 
@@ -49,30 +84,88 @@ const BEHIND: u32 = 1 << 31;
 /// The last link of a chain that leaves the scene.
 const BACKGROUND: u32 = BEHIND - 1;
 
-/// A face to be lit at a place, pixels from the corner of the tile.
+/// Places to be lit, those of one face after those of another.
+#[derive(Debug, Default)]
+pub(super) struct Asked {
+    pub(super) items: Vec<u32>,
+    /// Pixels from the corner of the tile, with room for the lanes behind the last.
+    pub(super) x: Vec<f32>,
+    pub(super) y: Vec<f32>,
+    /// By item: where its places begin.
+    starts: Vec<u32>,
+}
+
+/// A face to be lit at a place.
 #[derive(Clone, Copy, Debug)]
-struct Asked {
+struct Place {
     item: u32,
     x: f32,
     y: f32,
 }
 
+/// A counting sort: every place is [counted](Self::count), then every one [put](Self::put) where it belongs.
+impl Asked {
+    fn clear(&mut self, n_items: usize) {
+        self.starts.clear();
+        self.starts.resize(n_items + 1, 0);
+    }
+
+    fn count(&mut self, item: u32) {
+        self.starts[item as usize + 1] += 1;
+    }
+
+    /// All have been counted.
+    fn make_room(&mut self) {
+        let mut n = 0;
+        for start in &mut self.starts {
+            n += *start;
+            *start = n;
+        }
+        self.items.resize(n as usize, 0);
+        self.x.resize(n as usize + LANES, 0.0);
+        self.y.resize(n as usize + LANES, 0.0);
+    }
+
+    /// Its number among all; the faces are in the order of the scene, and the places of each in the order they come in.
+    fn put(&mut self, place: Place) -> u32 {
+        let next = &mut self.starts[place.item as usize];
+        let i = *next as usize;
+        *next += 1;
+        (self.items[i], self.x[i], self.y[i]) = (place.item, place.x, place.y);
+        i as u32
+    }
+
+    /// Each face with its places, as the first and the one behind the last.
+    pub(super) fn faces(&self) -> impl Iterator<Item = (u32, [usize; 2])> {
+        let mut first = 0;
+        self.items.chunk_by(|a, b| a == b).map(move |same| {
+            first += same.len();
+            (same[0], [first - same.len(), first])
+        })
+    }
+}
+
 /// What a lit face shows beside its light.
 #[derive(Clone, Copy, Debug)]
-struct Shown {
-    emission: Spectrum,
-    coverage: f32,
-    glass: Spectrum,
+pub(super) struct Shown {
+    pub(super) emission: Spectrum,
+    pub(super) coverage: f32,
+    pub(super) glass: Spectrum,
+}
+
+impl Shown {
+    /// Nothing beside its light.
+    pub(super) const LIGHT: Self = Self { emission: Spectrum::BLACK, coverage: 1.0, glass: Spectrum::BLACK };
 }
 
 /// What the layers that are not light want of it.
 #[derive(Clone, Copy, Debug)]
-struct Data {
-    albedo: Spectrum,
-    normal: Vec3,
-    position: Vec3,
-    depth: f32,
-    object: u32,
+pub(super) struct Data {
+    pub(super) albedo: Spectrum,
+    pub(super) normal: Vec3,
+    pub(super) position: Vec3,
+    pub(super) depth: f32,
+    pub(super) object: u32,
 }
 
 /// A transparent face at a sample.
@@ -85,9 +178,9 @@ struct Fragment {
 }
 
 /// A tile being drawn.
-struct Drawing<'a> {
-    method: &'a ScanLine<'a>,
-    world: &'a World,
+pub(super) struct Drawing<'a> {
+    pub(super) method: &'a ScanLine<'a>,
+    pub(super) world: &'a World,
     triangles: Vec<&'a Triangle>,
     /// The first pixel.
     corner: (u32, u32),
@@ -95,7 +188,7 @@ struct Drawing<'a> {
     size: (u32, u32),
 }
 
-/// Draws tile `index` of a band.
+/// Draws tile `index` of a band into a film that may have been used for another.
 pub(super) fn draw(
     method: &ScanLine<'_>,
     world: &World,
@@ -103,14 +196,18 @@ pub(super) fn draw(
     bins: &Bins,
     index: usize,
     scratch: &mut Scratch<'_>,
-) -> Film {
+    film: &mut Film,
+) {
     let corner = grid.corner(index);
     let size = ((grid.width - corner.0).min(TILE), (grid.height - corner.1).min(TILE));
-    let mut film =
-        Film::new(size.0, size.1, &method.sampling.layers).expect("a tile is smaller than the picture, which could be had");
-    let drawing = Drawing { method, world, triangles: bins.of_tile(grid, index).collect(), corner, size };
-    scratch.facets.clear();
-    scratch.facets.resize(drawing.triangles.len(), None);
+    if (film.width(), film.height()) != size {
+        *film =
+            Film::new(size.0, size.1, &method.sampling.layers).expect("a tile is smaller than the picture, which could be had");
+    }
+    let drawing = Drawing { method, world, triangles: bins.of_tile(grid, index), corner, size };
+    scratch.facets.all.clear();
+    scratch.facets.of_item.clear();
+    scratch.facets.of_item.resize(drawing.triangles.len(), NOTHING);
     let n_pixels = (size.0 * size.1) as usize;
     let mut pixels = vec![Accumulator::new(); if method.samples.len() > 1 { n_pixels } else { 0 }];
     for samples in method.samples.chunks(MAX_SAMPLES as usize) {
@@ -118,8 +215,7 @@ pub(super) fn draw(
         drawing.ask(samples, scratch);
         drawing.light(scratch);
         if method.is_plain() && scratch.fragments.is_empty() {
-            drawing.show(scratch, &mut film);
-            return film;
+            return drawing.show(scratch, film);
         }
         drawing.composite(samples, scratch, &mut |x, y, pixel, at| {
             if pixels.is_empty() {
@@ -132,7 +228,6 @@ pub(super) fn draw(
     for (i, mean) in pixels.iter().enumerate() {
         film.set_pixel(i as u32 % size.0, i as u32 / size.0, &mean.finish());
     }
-    film
 }
 
 impl Drawing<'_> {
@@ -195,7 +290,7 @@ impl Drawing<'_> {
     }
 
     /// Drops the samples that a mask cuts out of a face.
-    fn keep_what_is_there(&self, item: u32, at: &FilterSample, facets: &mut [Option<Box<Facet>>], covered: &mut Vec<Sample>) {
+    fn keep_what_is_there(&self, item: u32, at: &FilterSample, facets: &mut Facets, covered: &mut Vec<Sample>) {
         if covered.is_empty() {
             return;
         }
@@ -206,21 +301,50 @@ impl Drawing<'_> {
         });
     }
 
-    fn facet<'f>(&self, facets: &'f mut [Option<Box<Facet>>], item: u32) -> &'f mut Facet {
-        facets[item as usize].get_or_insert_with(|| {
+    /// The face of an item, made when it is first needed.
+    pub(super) fn facet<'f>(&self, facets: &'f mut Facets, item: u32) -> &'f Facet {
+        let Facets { all, of_item } = facets;
+        let number = &mut of_item[item as usize];
+        if *number == NOTHING {
+            *number = all.len() as u32;
             let s = &self.method.sampling;
-            let corner =
-                [f64::from(self.corner.0) - 0.5 * f64::from(s.width), f64::from(self.corner.1) - 0.5 * f64::from(s.height)];
+            let middle = [0.5 * f64::from(s.width), 0.5 * f64::from(s.height)];
+            let corner = [f64::from(self.corner.0) - middle[0], f64::from(self.corner.1) - middle[1]];
             let face = self.triangles[item as usize].face;
-            Box::new(Facet::new(self.world, &self.method.surfaces, &self.method.projection, face, corner))
-        })
+            all.push(Facet::new(self.world, &self.method.surfaces, &self.method.projection, face, corner));
+        }
+        &all[*number as usize]
+    }
+
+    /// Something shows through a face.
+    pub(super) fn is_transparent(&self, item: u32) -> bool {
+        self.triangles[item as usize].kind == Kind::Transparent as u8
     }
 
     /// Lists what must be lit: each face once for each pixel it is seen in, or for each sample where samples do not belong to one pixel.
     fn ask(&self, samples: &[FilterSample], scratch: &mut Scratch<'_>) {
-        let Scratch { buffers, fragments, asked, chains, .. } = scratch;
-        asked.clear();
+        let Scratch { buffers, fragments, asked, chains, unsorted, moved, .. } = scratch;
+        asked.clear(self.triangles.len());
         chains.clear();
+        if let ([at], true) = (samples, fragments.is_empty()) {
+            // The usual case, without a search: every pixel has one link.
+            let rows = || (0..self.size.1).zip(buffers[0].items().chunks_exact(TILE as usize));
+            for (_, row) in rows() {
+                row[..self.size.0 as usize].iter().filter(|item| **item != NOTHING).for_each(|item| asked.count(*item));
+            }
+            asked.make_room();
+            for (y, row) in rows() {
+                chains.extend((0..self.size.0).zip(row).map(|(x, &item)| {
+                    if item == NOTHING {
+                        return BACKGROUND;
+                    }
+                    let (x, y) = place(y * TILE + x, at);
+                    asked.put(Place { item, x, y })
+                }));
+            }
+            return;
+        }
+        unsorted.clear();
         let together = self.method.is_multisampled() && samples.len() > 1;
         let mut rest = fragments.as_slice();
         for i in 0..TILE * TILE {
@@ -230,13 +354,13 @@ impl Drawing<'_> {
             if i % TILE >= self.size.0 || i / TILE >= self.size.1 {
                 continue;
             }
-            let first = asked.len();
+            let first = unsorted.len();
             let shows = |sample: usize, item: u32| {
                 buffers[sample].items()[i as usize] == item
                     || here.iter().any(|f| usize::from(f.sample) == sample && f.item == item)
             };
             let mut link = |item: u32, sample: usize| -> u32 {
-                if together && let Some(k) = asked[first..].iter().position(|a| a.item == item) {
+                if together && let Some(k) = unsorted[first..].iter().position(|a| a.item == item) {
                     return (first + k) as u32;
                 }
                 let (mut x, mut y) = place(i, &samples[sample]);
@@ -246,8 +370,8 @@ impl Drawing<'_> {
                     let n = all().count() as f32;
                     (x, y) = all().fold((0.0, 0.0), |sum, p| (sum.0 + p.0 / n, sum.1 + p.1 / n));
                 }
-                asked.push(Asked { item, x, y });
-                asked.len() as u32 - 1
+                unsorted.push(Place { item, x, y });
+                unsorted.len() as u32 - 1
             };
             for (s, buffer) in buffers[..samples.len()].iter().enumerate() {
                 for f in here.iter().filter(|f| usize::from(f.sample) == s) {
@@ -259,116 +383,13 @@ impl Drawing<'_> {
                 });
             }
         }
-    }
-
-    /// The light of everything on the list.
-    fn light(&self, scratch: &mut Scratch<'_>) {
-        scratch.lit.clear();
-        scratch.shown.clear();
-        scratch.data.clear();
-        scratch.mixed.clear();
-        let wants_data = self.method.wants_data();
-        let (interpolation, world) = (self.method.interpolation, self.world);
-        let Scratch { facets, asked, shown, data, lit, mixed, .. } = scratch;
-        if interpolation != Interpolation::Phong {
-            for a in asked.iter() {
-                let facet = self.facet(facets, a.item);
-                if facet.lit_as.is_none() {
-                    facet.lit_as = Some(lit.n_points());
-                    if interpolation == Interpolation::Flat {
-                        self.push(lit, &facet.middle(world));
-                    } else {
-                        for corner in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
-                            self.push(lit, &facet.surface(world, corner, false));
-                        }
-                    }
-                }
-            }
+        unsorted.iter().for_each(|place| asked.count(place.item));
+        asked.make_room();
+        moved.clear();
+        moved.extend(unsorted.iter().map(|place| asked.put(*place)));
+        for link in chains.iter_mut().filter(|link| **link != BACKGROUND) {
+            *link = moved[(*link & !BEHIND) as usize] | (*link & BEHIND);
         }
-        let corners = if interpolation == Interpolation::Phong { &[] } else { lit.finish() };
-        let mut points = Vec::with_capacity(asked.len());
-        for a in asked.iter() {
-            let facet = self.facet(facets, a.item);
-            let weights = facet.at(a.x, a.y);
-            let mut surface = facet.surface(world, weights, interpolation == Interpolation::Flat);
-            surface.width = self.width(&surface);
-            if let Some(first) = facet.lit_as {
-                let first = first as usize;
-                let light =
-                    if interpolation == Interpolation::Flat { corners[first] } else { mix(&corners[first..first + 3], weights) };
-                let (diffuse, specular) = world.texture_of_light(&surface);
-                mixed.push(LocalLight {
-                    ambient: light.ambient * diffuse,
-                    diffuse: light.diffuse * diffuse,
-                    specular: light.specular * specular,
-                });
-            }
-            points.push(surface);
-        }
-        for (surface, a) in points.iter().zip(asked.iter()) {
-            let material = world.material_at(surface);
-            let is_opaque = self.triangles[a.item as usize].kind != Kind::Transparent as u8;
-            if interpolation != Interpolation::Phong && is_opaque && !wants_data && !material.unlit && !material.is_emissive() {
-                shown.push(Shown { emission: Spectrum::BLACK, coverage: 1.0, glass: Spectrum::BLACK });
-                continue;
-            }
-            let mut shading = self.shading(surface, Textures::Sampled);
-            let glass = if is_opaque { Spectrum::BLACK } else { shading.straight_transmission() };
-            if self.method.viewer == Viewer::Infinite {
-                shading.wo = -self.method.projection.forward().as_vec3();
-            }
-            if interpolation == Interpolation::Phong {
-                lit.push(surface, &shading);
-            }
-            shown.push(Shown {
-                emission: shading.emission + shading.bsdf.unlit().unwrap_or(Spectrum::BLACK),
-                coverage: shading.coverage,
-                glass,
-            });
-            if wants_data {
-                data.push(self.data(surface, &shading));
-            }
-        }
-    }
-
-    /// How wide a pixel is at a surface.
-    fn width(&self, surface: &Surface) -> f32 {
-        let projection = &self.method.projection;
-        let from_eye = surface.p - projection.eye().as_vec3();
-        let (distance, cos) = if projection.is_perspective() {
-            let distance = from_eye.length();
-            (distance, surface.ng.dot(from_eye) / distance)
-        } else {
-            (0.0, surface.ng.dot(projection.forward().as_vec3()))
-        };
-        self.method.footprint.width(distance, cos)
-    }
-
-    /// A surface as the eye sees it.
-    fn shading(&self, surface: &Surface, textures: Textures) -> Shading {
-        let projection = &self.method.projection;
-        let forward = projection.forward().as_vec3();
-        let to_eye = projection.eye().as_vec3() - surface.p;
-        let wo = if projection.is_perspective() { to_eye.try_normalize().unwrap_or(-forward) } else { -forward };
-        self.world.shading_with(surface, wo, textures)
-    }
-
-    /// Asks for the light at a vertex, before textures.
-    fn push(&self, lit: &mut Unshadowed<'_>, surface: &Surface) {
-        let mut shading = self.shading(surface, Textures::Ignored);
-        if self.method.viewer == Viewer::Infinite {
-            shading.wo = -self.method.projection.forward().as_vec3();
-        }
-        lit.push(surface, &shading);
-    }
-
-    fn data(&self, surface: &Surface, shading: &Shading) -> Data {
-        let projection = &self.method.projection;
-        let (position, normal, metres) = self.world.to_file(surface.p, shading.n);
-        let from_eye = surface.p - projection.eye().as_vec3();
-        let along = projection.forward().as_vec3();
-        let travelled = if projection.is_perspective() { from_eye.length() } else { from_eye.dot(along) };
-        Data { albedo: shading.bsdf.albedo(), normal, position, depth: travelled / metres, object: surface.instance.0 }
     }
 
     /// Hands over what each sample of each pixel sees.
@@ -391,7 +412,7 @@ impl Drawing<'_> {
                             composite.background(self.background(x, y, at, is_first));
                         } else {
                             let i = (link & !BEHIND) as usize;
-                            composite.add(&light[i], &shown[i], data.get(i));
+                            composite.add(&light.at(i), &shown[i], data.get(i));
                         }
                         is_first = false;
                         if link & BEHIND == 0 {
@@ -406,18 +427,23 @@ impl Drawing<'_> {
 
     /// The picture alone, of one sample a pixel and nothing transparent: what [`Self::composite`] would make of it.
     fn show(&self, scratch: &mut Scratch<'_>, film: &mut Film) {
-        let Scratch { shown, lit, mixed, chains, .. } = scratch;
+        let Scratch { shown, lit, mixed, chains, varying: Varying { tint: color, .. }, .. } = scratch;
         let light = if self.method.interpolation == Interpolation::Phong { lit.finish() } else { mixed };
+        light.sum(color);
+        for (i, shown) in shown.iter().enumerate().filter(|(_, shown)| !shown.emission.is_black()) {
+            color.iter_mut().zip(shown.emission.to_array()).for_each(|(column, emission)| column[i] += emission);
+        }
+        film.fill(|k, values| {
+            let seen = values.iter_mut().zip(chains.iter()).filter(|(_, link)| **link != BACKGROUND);
+            match color.get(k) {
+                Some(column) => seen.for_each(|(value, link)| *value = column[*link as usize]),
+                None => seen.for_each(|(value, _)| *value = 1.0),
+            }
+        });
         let at = self.method.samples[0];
-        for (i, &link) in chains.iter().enumerate() {
-            let (x, y) = (i as u32 % self.size.0, i as u32 / self.size.0);
-            let (color, alpha) = if link == BACKGROUND {
-                (self.background(x, y, &at, true), 0.0)
-            } else {
-                let (light, shown) = (&light[link as usize], &shown[link as usize]);
-                (light.ambient + light.diffuse + light.specular + shown.emission, 1.0)
-            };
-            film.set_color(i, color, alpha);
+        for (i, _) in chains.iter().enumerate().filter(|(_, link)| **link == BACKGROUND) {
+            let color = self.background(i as u32 % self.size.0, i as u32 / self.size.0, &at, true);
+            film.fill(|k, values| values[i] = color.to_array().get(k).copied().unwrap_or(0.0));
         }
     }
 
@@ -426,12 +452,6 @@ impl Drawing<'_> {
         let dir = self.method.view.ray(f64::from(self.corner.0 + x) + dx, f64::from(self.corner.1 + y) + dy).dir;
         if self.method.has_backdrop { default_light::backdrop(dir) } else { self.world.background(dir, is_first) }
     }
-}
-
-/// The light at three vertices, interpolated.
-fn mix(corners: &[LocalLight], weights: [f32; 3]) -> LocalLight {
-    let sum = |f: fn(&LocalLight) -> Spectrum| corners.iter().zip(weights).map(|(light, w)| f(light) * w).sum();
-    LocalLight { ambient: sum(|l| l.ambient), diffuse: sum(|l| l.diffuse), specular: sum(|l| l.specular) }
 }
 
 /// Where a sample of a pixel lies, pixels from the corner of the tile.

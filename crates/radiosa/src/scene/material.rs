@@ -353,6 +353,17 @@ impl Default for Material {
     }
 }
 
+impl Model {
+    /// The diffuse or base colour.
+    pub const fn base_color(&self) -> &ColorMap {
+        match self {
+            Self::Phong(m) => &m.diffuse,
+            Self::CookTorrance(m) => &m.diffuse,
+            Self::MetallicRoughness(m) => &m.base_color,
+        }
+    }
+}
+
 impl Material {
     /// Calls `f` on every texture it uses.
     pub fn for_each_texture(&mut self, f: &mut dyn FnMut(&mut super::TextureId)) {

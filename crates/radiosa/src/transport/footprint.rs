@@ -29,14 +29,18 @@ impl Footprint {
     }
 }
 
+/// The level of the copy to read where a pixel is `width` wide and a square metre holds `texels_per_metre` squared.
+pub(crate) fn level(width: f32, texels_per_metre: f32) -> f32 {
+    libm::log2f((width * texels_per_metre).max(1e-9))
+}
+
 impl World {
     /// A texture's red, green, blue and alpha at a surface, from the copy that fits [`Surface::width`].
     pub(super) fn texel(&self, surface: &Surface, map: &TextureRef) -> [f32; 4] {
         let uv = surface.uv(self, map.uv_set);
         match self.pyramid(map.texture) {
             Some(pyramid) if surface.width > 0.0 => {
-                let level = (surface.width * self.texels_per_metre(surface, map)).max(1e-9);
-                let level = libm::log2f(level);
+                let level = level(surface.width, self.texels_per_metre(surface, map));
                 texture::sample_level(self.scene(), map, pyramid, uv, level)
             }
             _ => texture::sample(self.scene(), map, uv),
@@ -44,7 +48,7 @@ impl World {
     }
 
     /// The root of how many texels lie on a square metre.
-    fn texels_per_metre(&self, surface: &Surface, map: &TextureRef) -> f32 {
+    pub(crate) fn texels_per_metre(&self, surface: &Surface, map: &TextureRef) -> f32 {
         let scene = self.scene();
         let TextureSource::Image(image) = scene.textures[map.texture.index()].source else { return 0.0 };
         let image = &scene.images[image.index()];

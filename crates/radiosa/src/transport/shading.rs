@@ -114,20 +114,20 @@ impl World {
 
     /// The texture of the diffuse or base colour alone, and that of highlights: what light that was computed without textures is multiplied by.
     pub fn texture_of_light(&self, surface: &Surface) -> (Spectrum, Spectrum) {
-        let of = |map: &ColorMap| {
-            map.texture.as_ref().map_or(Spectrum::WHITE, |t| {
-                let [r, g, b, _] = self.texel(surface, t);
-                Spectrum::new(r, g, b)
-            })
-        };
-        match &self.material_at(surface).model {
-            Model::Phong(m) => (of(&m.diffuse), of(&m.specular)),
-            Model::CookTorrance(m) => (of(&m.diffuse), of(&m.specular)),
-            Model::MetallicRoughness(m) => {
-                let base = of(&m.base_color);
-                (base, Spectrum::WHITE.lerp(base, m.metallic.factor))
-            }
+        let of = |map: &ColorMap| map.texture.as_ref().map_or(Spectrum::WHITE, |t| self.texture_color(surface, t));
+        let material = self.material_at(surface);
+        let base = of(material.model.base_color());
+        match &material.model {
+            Model::Phong(m) => (base, of(&m.specular)),
+            Model::CookTorrance(m) => (base, of(&m.specular)),
+            Model::MetallicRoughness(m) => (base, Spectrum::WHITE.lerp(base, m.metallic.factor)),
         }
+    }
+
+    /// The colour of a texture at a surface.
+    pub(crate) fn texture_color(&self, surface: &Surface, map: &TextureRef) -> Spectrum {
+        let [r, g, b, _] = self.texel(surface, map);
+        Spectrum::new(r, g, b)
     }
 
     /// The nearest surface on a ray that a mask does not cut away.

@@ -1,193 +1,291 @@
-//! Direct light without shadows, for eight points at a time: the sums of [`Lights::at`], in lanes.
+//! Direct light without shadows, for many points together: the sums of [`Lights::at`], in lanes.
 //!
-//! Points are queued by their reflection model, and lit when eight of one model are there. What does not depend on the light is taken out of the
-//! sums. For Phong, `k_d` and `k_s` multiply sums over the lights of `E f (n·l)/π` and `E f lobe/π`. For metallic–roughness, Schlick's reflectance is
-//! `A + (B − A)(1 − v·h)⁵`, so that two sums over the lights suffice, of `E q` and `E q (1 − v·h)⁵`, `q = D G/(4 n·v)`.
+//! Points are kept in columns and lit eight at a time, those of one reflection model after those of another. What does not depend on the light is taken
+//! out of the sums. For Phong, `k_d` and `k_s` multiply sums over the lights of `E f (n·l)/π` and `E f lobe/π`. For metallic–roughness, Schlick's
+//! reflectance is `A + (B − A)(1 − v·h)⁵`, so that two sums over the lights suffice, of `E q` and `E q (1 − v·h)⁵`, `q = D G/(4 n·v)`.
 //! Cook–Torrance is lit point by point.
 //!
 //! `tests/scanline.rs` holds it against [`Lights::at`].
 
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, PI};
 
 use super::{Lights, LocalLight, Shading, Surface, World};
-use crate::bsdf::{Bsdf, metallic_roughness::MetallicRoughness, phong::Phong};
+use crate::bsdf::Bsdf;
 use crate::emitter::Emitter;
+use crate::emitter::hemispherical::Hemispherical;
 use crate::emitter::point::Falloff;
 use crate::emitter::spot::Profile;
 use crate::math::Vec3;
-use crate::math::lanes::{Cpu, Ints, Lanes, for_each_cpu};
-use crate::radiometry::lambertian_radiance;
+use crate::math::lanes::{Columns, Cpu, Ints, LANES, Lanes, eight, for_each_cpu, xyz};
 use crate::scene::PhongLobe;
 use crate::spectrum::Spectrum;
 
-/// Columns of three.
-type Rgb8 = [[f32; 8]; 3];
-
-/// The models that are lit in lanes.
+/// How a point is lit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Model {
+    /// Not in lanes: it shows nothing, or was lit when it came.
+    Done,
+    /// Phong or Blinn–Phong without a highlight.
+    Lambert,
     Phong,
     Blinn,
     MetallicRoughness,
 }
 
-/// Up to eight points of one model.
-#[derive(Clone, Debug)]
-struct Batch {
-    n_points: usize,
-    id: [u32; 8],
-    p: Rgb8,
-    n: Rgb8,
-    wo: Rgb8,
+/// A reflection function as the sums over the lights take it.
+#[derive(Clone, Copy, Debug)]
+struct Coefficients {
+    model: Model,
     /// Phong: the exponent; metallic–roughness: α², zero where smooth.
-    sharpness: [f32; 8],
+    sharpness: f32,
     /// Metallic–roughness: strength of the coat, and its largest `F₀`.
-    coat: [f32; 8],
-    f0: [f32; 8],
+    coat: f32,
+    f0: f32,
+    ambient: Spectrum,
     /// What the sums are multiplied by: the diffuse one, and the one or two specular ones.
-    by: [[Spectrum; 3]; 8],
+    by: [Spectrum; 3],
 }
 
-/// Sums over the lights.
-struct Sums {
-    diffuse: Rgb8,
-    specular: [Rgb8; 2],
+impl Coefficients {
+    fn of(bsdf: &Bsdf) -> Self {
+        let (mut sharpness, mut coat, mut f0, mut by) = (0.0, 0.0, 0.0, [Spectrum::BLACK; 3]);
+        let model = match bsdf {
+            Bsdf::Unlit(_) | Bsdf::CookTorrance(_) => Model::Done,
+            Bsdf::Phong(m) => {
+                sharpness = m.exponent;
+                by = [m.diffuse, m.specular, Spectrum::BLACK];
+                match m.lobe {
+                    _ if m.specular.is_black() => Model::Lambert,
+                    PhongLobe::Phong => Model::Phong,
+                    PhongLobe::BlinnPhong => Model::Blinn,
+                }
+            }
+            Bsdf::MetallicRoughness(m) => {
+                sharpness = if m.is_smooth() { 0.0 } else { m.alpha * m.alpha };
+                (coat, f0) = (m.specular, m.f0.max_channel());
+                let outer = (1.0 - m.metallic) * m.specular;
+                let straight = m.f0 * outer + m.base_color * m.metallic;
+                let grazing = Spectrum::gray(outer + m.metallic);
+                by = [m.base_color * ((1.0 - m.metallic) * (1.0 - m.transmission)), straight, grazing - straight];
+                Model::MetallicRoughness
+            }
+        };
+        Self { model, sharpness, coat, f0, ambient: bsdf.ambient(), by }
+    }
 }
 
-/// Points waiting for light, and the light of those that waited long enough.
+/// A reflection function whose base colour is multiplied by a tint, point by point: all its coefficients are affine in it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tinted {
+    black: Coefficients,
+    white: Coefficients,
+}
+
+impl Tinted {
+    /// Of the function as it is under a white tint; `None` where it is not lit in lanes.
+    pub(crate) fn new(bsdf: &Bsdf) -> Option<Self> {
+        let [black, white] = [Spectrum::BLACK, Spectrum::WHITE].map(|tint| Coefficients::of(&bsdf.tinted(tint)));
+        (white.model != Model::Done).then_some(Self { black, white })
+    }
+}
+
+/// Light in columns.
+#[derive(Debug, Default)]
+pub struct LightColumns {
+    pub(crate) ambient: Columns,
+    pub(crate) diffuse: Columns,
+    pub(crate) specular: Columns,
+}
+
+impl LightColumns {
+    /// The light of point `i`.
+    pub fn at(&self, i: usize) -> LocalLight {
+        let at = |c: &Columns| Spectrum::new(c[0][i], c[1][i], c[2][i]);
+        LocalLight { ambient: at(&self.ambient), diffuse: at(&self.diffuse), specular: at(&self.specular) }
+    }
+
+    /// Ambient, diffuse and specular light together, for as many points as there is room for in `out`.
+    pub(crate) fn sum(&self, out: &mut Columns) {
+        for (k, out) in out.iter_mut().enumerate() {
+            let (diffuse, specular) = (self.diffuse[k].iter(), self.specular[k].iter());
+            for (out, (ambient, (diffuse, specular))) in out.iter_mut().zip(self.ambient[k].iter().zip(diffuse.zip(specular))) {
+                *out = ambient + diffuse + specular;
+            }
+        }
+    }
+
+    /// Sets the light of point `i`.
+    pub(crate) fn set(&mut self, i: usize, light: &LocalLight) {
+        set3(&mut self.ambient, i, light.ambient.to_array());
+        set3(&mut self.diffuse, i, light.diffuse.to_array());
+        set3(&mut self.specular, i, light.specular.to_array());
+    }
+
+    /// Makes room for `n` points and the lanes behind the last.
+    pub(crate) fn reserve(&mut self, n: usize) {
+        [&mut self.ambient, &mut self.diffuse, &mut self.specular].into_iter().flatten().for_each(|c| make_room(c, n));
+    }
+}
+
+/// Points in columns.
+#[derive(Debug, Default)]
+pub(crate) struct Points {
+    /// Positions.
+    pub(crate) p: Columns,
+    /// Unit normals on the viewer's side.
+    pub(crate) n: Columns,
+    /// Unit, to the viewer.
+    pub(crate) wo: Columns,
+}
+
+/// [`Coefficients`] in columns.
+#[derive(Debug, Default)]
+struct Reflection {
+    sharpness: Vec<f32>,
+    coat: Vec<f32>,
+    f0: Vec<f32>,
+    by: [Columns; 3],
+}
+
+/// Points waiting for light, and what comes of it.
 #[derive(Debug)]
 pub struct Unshadowed<'a> {
     world: &'a World,
     lights: &'a Lights,
-    batches: [Batch; 3],
-    /// By the number a point was given.
-    lit: Vec<LocalLight>,
+    n_points: usize,
+    points: Points,
+    reflection: Reflection,
+    /// The models of neighbouring points, each with the number of the first point behind them.
+    runs: Vec<(Model, usize)>,
+    n_lit: usize,
+    light: LightColumns,
 }
 
 impl<'a> Unshadowed<'a> {
     /// Nothing waits.
     pub fn new(world: &'a World, lights: &'a Lights) -> Self {
-        Self { world, lights, batches: std::array::from_fn(|_| Batch::new()), lit: Vec::new() }
+        let (points, reflection, light) = Default::default();
+        Self { world, lights, n_points: 0, points, reflection, runs: Vec::new(), n_lit: 0, light }
     }
 
     /// Forgets all points.
     pub fn clear(&mut self) {
-        self.lit.clear();
-        self.batches.iter_mut().for_each(|b| b.n_points = 0);
+        (self.n_points, self.n_lit) = (0, 0);
+        self.runs.clear();
     }
 
     /// How many points were added: the number of the next one.
-    pub fn n_points(&self) -> u32 {
-        self.lit.len() as u32
+    pub fn n_points(&self) -> usize {
+        self.n_points
     }
 
     /// Adds a point; its number is how many were added before.
     pub fn push(&mut self, surface: &Surface, shading: &Shading) {
-        let id = self.lit.len() as u32;
-        let ambient = shading.bsdf.ambient() * self.lights.ambient();
-        self.lit.push(LocalLight { ambient, ..LocalLight::default() });
-        let model = match &shading.bsdf {
-            Bsdf::Unlit(_) => return,
-            Bsdf::CookTorrance(_) => {
-                self.lit[id as usize] = self.lights.at(self.world, surface, shading, false, &mut 0);
-                return;
-            }
-            Bsdf::Phong(m) => {
-                let model = if m.lobe == PhongLobe::Phong { Model::Phong } else { Model::Blinn };
-                self.batches[model as usize].phong(m);
-                model
-            }
-            Bsdf::MetallicRoughness(m) => {
-                self.batches[Model::MetallicRoughness as usize].metallic_roughness(m);
-                Model::MetallicRoughness
-            }
+        let i = self.n_points;
+        self.reserve(1);
+        let coefficients = Coefficients::of(&shading.bsdf);
+        set3(&mut self.points.p, i, surface.p.to_array());
+        set3(&mut self.points.n, i, shading.n.to_array());
+        set3(&mut self.points.wo, i, shading.wo.to_array());
+        let r = &mut self.reflection;
+        (r.sharpness[i], r.coat[i], r.f0[i]) = (coefficients.sharpness, coefficients.coat, coefficients.f0);
+        r.by.iter_mut().zip(coefficients.by).for_each(|(column, by)| set3(column, i, by.to_array()));
+        let light = match &shading.bsdf {
+            Bsdf::CookTorrance(_) => self.lights.at(self.world, surface, shading, false, &mut 0),
+            _ => LocalLight { ambient: coefficients.ambient * self.lights.ambient(), ..LocalLight::default() },
         };
-        let batch = &mut self.batches[model as usize];
-        batch.place(id, surface.p, shading.n, shading.wo);
-        if batch.n_points == 8 {
-            self.flush(model);
+        self.light.set(i, &light);
+        self.add(coefficients.model, 1);
+    }
+
+    /// Room for `n` points more, to be filled from [`Self::n_points`] on (up to seven behind the last may be overwritten), and then added by [`Self::push_tinted`].
+    pub(crate) fn room(&mut self, n: usize) -> &mut Points {
+        self.reserve(n);
+        &mut self.points
+    }
+
+    /// Adds the `n` points that [`Self::room`] was filled with, of one reflection function under a tint each: `tint[i]` is that of point i of all.
+    pub(crate) fn push_tinted(&mut self, n: usize, bsdf: &Tinted, tint: Option<&Columns>) {
+        let range = self.n_points..self.n_points + n;
+        let Tinted { black, white } = bsdf;
+        let r = &mut self.reflection;
+        r.sharpness[range.clone()].fill(white.sharpness);
+        r.coat[range.clone()].fill(white.coat);
+        r.f0[range.clone()].fill(white.f0);
+        let lights = self.lights.ambient();
+        let products = r.by.iter_mut().zip(black.by.into_iter().zip(white.by));
+        let ambient = (&mut self.light.ambient, (black.ambient * lights, white.ambient * lights));
+        for (columns, (black, white)) in products.chain([ambient]) {
+            for (k, (column, (black, white))) in
+                columns.iter_mut().zip(black.to_array().into_iter().zip(white.to_array())).enumerate()
+            {
+                let column = &mut column[range.clone()];
+                match tint {
+                    Some(tint) if black != white => {
+                        column.iter_mut().zip(&tint[k][range.clone()]).for_each(|(c, t)| *c = black + t * (white - black));
+                    }
+                    _ => column.fill(white),
+                }
+            }
         }
+        self.add(white.model, n);
+    }
+
+    fn add(&mut self, model: Model, n: usize) {
+        self.n_points += n;
+        match self.runs.last_mut() {
+            Some(last) if last.0 == model => last.1 = self.n_points,
+            _ => self.runs.push((model, self.n_points)),
+        }
+    }
+
+    fn reserve(&mut self, n: usize) {
+        let n = self.n_points + n;
+        if self.reflection.f0.len() >= n + LANES {
+            return;
+        }
+        let (p, r) = (&mut self.points, &mut self.reflection);
+        [&mut p.p, &mut p.n, &mut p.wo].into_iter().chain(&mut r.by).flatten().for_each(|c| make_room(c, n));
+        [&mut r.sharpness, &mut r.coat, &mut r.f0].into_iter().for_each(|c| make_room(c, n));
+        self.light.reserve(n);
     }
 
     /// Lights what still waits; the light of every point by its number.
-    pub fn finish(&mut self) -> &[LocalLight] {
-        for model in [Model::Phong, Model::Blinn, Model::MetallicRoughness] {
-            if self.batches[model as usize].n_points > 0 {
-                self.flush(model);
+    pub fn finish(&mut self) -> &LightColumns {
+        let path = self.world.cpu_path();
+        let mut first = 0;
+        for &(model, end) in &self.runs {
+            let from = first.max(self.n_lit);
+            if model != Model::Done && from < end {
+                light(path, &self.points, &self.reflection, [from, end], model, self.lights.emitters(), &mut self.light);
             }
+            first = end;
         }
-        &self.lit
-    }
-
-    fn flush(&mut self, model: Model) {
-        let batch = &mut self.batches[model as usize];
-        batch.fill_up();
-        let mut sums = Sums { diffuse: [[0.0; 8]; 3], specular: [[[0.0; 8]; 3]; 2] };
-        light(self.world.cpu_path(), batch, model, self.lights.emitters(), &mut sums);
-        for i in 0..batch.n_points {
-            let at = |c: &Rgb8| Spectrum::new(c[0][i], c[1][i], c[2][i]);
-            let [diffuse, a, b] = batch.by[i];
-            let light = &mut self.lit[batch.id[i] as usize];
-            light.diffuse = diffuse * at(&sums.diffuse);
-            light.specular = a * at(&sums.specular[0]) + b * at(&sums.specular[1]);
-        }
-        batch.n_points = 0;
+        self.n_lit = self.n_points;
+        &self.light
     }
 }
 
-impl Batch {
-    fn new() -> Self {
-        Self {
-            n_points: 0,
-            id: [0; 8],
-            p: [[0.0; 8]; 3],
-            n: [[0.0; 8]; 3],
-            wo: [[0.0; 8]; 3],
-            sharpness: [0.0; 8],
-            coat: [0.0; 8],
-            f0: [0.0; 8],
-            by: [[Spectrum::BLACK; 3]; 8],
-        }
-    }
+fn set3(columns: &mut Columns, i: usize, v: [f32; 3]) {
+    columns.iter_mut().zip(v).for_each(|(column, v)| column[i] = v);
+}
 
-    fn phong(&mut self, m: &Phong) {
-        let i = self.n_points;
-        self.sharpness[i] = m.exponent;
-        self.by[i] = [m.diffuse, m.specular, Spectrum::BLACK];
-    }
-
-    fn metallic_roughness(&mut self, m: &MetallicRoughness) {
-        let i = self.n_points;
-        self.sharpness[i] = if m.is_smooth() { 0.0 } else { m.alpha * m.alpha };
-        (self.coat[i], self.f0[i]) = (m.specular, m.f0.max_channel());
-        let coat = (1.0 - m.metallic) * m.specular;
-        let straight = m.f0 * coat + m.base_color * m.metallic;
-        let grazing = Spectrum::gray(coat + m.metallic);
-        self.by[i] = [m.base_color * ((1.0 - m.metallic) * (1.0 - m.transmission)), straight, grazing - straight];
-    }
-
-    fn place(&mut self, id: u32, p: Vec3, n: Vec3, wo: Vec3) {
-        let i = self.n_points;
-        self.id[i] = id;
-        for k in 0..3 {
-            (self.p[k][i], self.n[k][i], self.wo[k][i]) = (p[k], n[k], wo[k]);
-        }
-        self.n_points += 1;
-    }
-
-    /// Copies the first point to the places that are free: every lane holds something ordinary.
-    fn fill_up(&mut self) {
-        for i in self.n_points..8 {
-            for column in self.p.iter_mut().chain(&mut self.n).chain(&mut self.wo) {
-                column[i] = column[0];
-            }
-            (self.sharpness[i], self.coat[i], self.f0[i]) = (self.sharpness[0], self.coat[0], self.f0[0]);
-        }
+/// Twice what is needed, so that points that come one by one do not each make room.
+fn make_room(column: &mut Vec<f32>, n: usize) {
+    if column.len() < n + LANES {
+        column.resize(2 * n + LANES, 0.0);
     }
 }
 
 for_each_cpu! {
-    fn light(batch: &Batch, model: Model, emitters: &[Emitter], sums: &mut Sums) = light_on;
+    fn light(
+        points: &Points,
+        reflection: &Reflection,
+        range: [usize; 2],
+        model: Model,
+        emitters: &[Emitter],
+        out: &mut LightColumns,
+    ) = light_on;
 }
 
 type V3<L> = [L; 3];
@@ -203,12 +301,12 @@ fn splat3<L: Lanes>(v: Vec3) -> V3<L> {
 }
 
 #[inline(always)]
-fn load3<L: Lanes>(v: &Rgb8) -> V3<L> {
-    [L::load(&v[0]), L::load(&v[1]), L::load(&v[2])]
+fn load3<L: Lanes>(v: &Columns, i: usize) -> V3<L> {
+    xyz!(k => L::load(eight(&v[k], i)))
 }
 
 /// Eight points under one light after the other.
-struct Points<L> {
+struct Eight<L> {
     model: Model,
     p: V3<L>,
     n: V3<L>,
@@ -222,72 +320,102 @@ struct Points<L> {
 }
 
 #[inline(always)]
-fn light_on<C: Cpu>(batch: &Batch, model: Model, emitters: &[Emitter], sums: &mut Sums) {
+fn light_on<C: Cpu>(
+    points: &Points,
+    reflection: &Reflection,
+    [mut first, end]: [usize; 2],
+    model: Model,
+    emitters: &[Emitter],
+    out: &mut LightColumns,
+) {
     let zero = C::Wide::splat(0.0);
-    let (n, wo) = (load3(&batch.n), load3(&batch.wo));
-    let mut points = Points::<C::Wide> {
-        model,
-        p: load3(&batch.p),
-        n,
-        wo,
-        n_v: dot(n, wo),
-        sharpness: C::Wide::load(&batch.sharpness),
-        coat: C::Wide::load(&batch.coat),
-        f0: C::Wide::load(&batch.f0),
-        diffuse: [zero; 3],
-        specular: [[zero; 3]; 2],
-    };
-    let one = C::Wide::splat(1.0);
-    for emitter in emitters {
+    while first < end {
+        let (n, wo) = (load3(&points.n, first), load3(&points.wo, first));
+        let mut eight_points = Eight::<C::Wide> {
+            model,
+            p: load3(&points.p, first),
+            n,
+            wo,
+            n_v: dot(n, wo),
+            sharpness: C::Wide::load(eight(&reflection.sharpness, first)),
+            coat: C::Wide::load(eight(&reflection.coat, first)),
+            f0: C::Wide::load(eight(&reflection.f0, first)),
+            diffuse: [zero; 3],
+            specular: [[zero; 3]; 2],
+        };
+        for emitter in emitters {
+            eight_points.light(emitter);
+        }
+        let by: [V3<C::Wide>; 3] = xyz!(k => load3(&reflection.by[k], first));
+        let [a, b] = eight_points.specular;
+        let here = (end - first).min(LANES);
+        let mut k = 0;
+        while k < 3 {
+            let diffuse = by[0][k].mul(eight_points.diffuse[k]).store();
+            let specular = by[1][k].mul(a[k]).add(by[2][k].mul(b[k])).store();
+            out.diffuse[k][first..first + here].copy_from_slice(&diffuse[..here]);
+            out.specular[k][first..first + here].copy_from_slice(&specular[..here]);
+            k += 1;
+        }
+        first += LANES;
+    }
+}
+
+impl<L: Lanes> Eight<L> {
+    #[inline(always)]
+    fn light(&mut self, emitter: &Emitter) {
+        let (zero, one) = (L::splat(0.0), L::splat(1.0));
         match emitter {
             Emitter::Ambient(_) => {}
-            Emitter::Hemispherical(_) | Emitter::Environment(_) => without_direction(&mut points, batch, emitter),
+            Emitter::Hemispherical(l) => {
+                let e = hemispherical(l, self.n);
+                self.add_everywhere(e);
+            }
+            Emitter::Environment(_) => {
+                // Looked up in a table, lane by lane.
+                let n = [self.n[0].store(), self.n[1].store(), self.n[2].store()];
+                let mut e = [[0.0; 8]; 3];
+                let mut i = 0;
+                while i < 8 {
+                    [e[0][i], e[1][i], e[2][i]] = emitter.irradiance(Vec3::new(n[0][i], n[1][i], n[2][i])).to_array();
+                    i += 1;
+                }
+                self.add_everywhere(xyz!(k => L::load(&e[k])));
+            }
             Emitter::Point(l) => {
-                let (wi, d, there) = points.towards(l.position);
-                points.add(wi, falloff(l.falloff, d), there, l.diffuse, l.specular);
+                let (wi, d, there) = self.towards(l.position);
+                self.add(wi, falloff(l.falloff, d), there, l.diffuse, l.specular);
             }
             Emitter::Spot(l) => {
-                let (wi, d, there) = points.towards(l.point.position);
+                let (wi, d, there) = self.towards(l.point.position);
                 let f = falloff(l.point.falloff, d).mul(profile(l.profile, splat3(l.axis), wi));
-                points.add(wi, f, there, l.point.diffuse, l.point.specular);
+                self.add(wi, f, there, l.point.diffuse, l.point.specular);
             }
-            Emitter::Distant(l) => points.add(splat3(l.to_light), one, zero.le(one), l.diffuse, l.specular),
+            Emitter::Distant(l) => self.add(splat3(l.to_light), one, zero.le(one), l.diffuse, l.specular),
             Emitter::Discrete(l) => {
                 for i in &l.incidents {
-                    points.add(splat3(i.wi), one, zero.le(one), i.diffuse, i.specular);
+                    self.add(splat3(i.wi), one, zero.le(one), i.diffuse, i.specular);
                 }
             }
             Emitter::Area(l) => {
                 for s in &l.samples {
-                    let (wi, d, there) = points.towards(s.position);
+                    let (wi, d, there) = self.towards(s.position);
                     let cos = dot(splat3(s.normal), wi).neg();
                     let cos = if s.two_sided { cos.abs() } else { cos };
-                    let f = C::Wide::splat(s.area).mul(cos).div(d).div(d);
-                    points.add(wi, f, there, s.radiance, s.radiance);
+                    let f = L::splat(s.area).mul(cos).div(d).div(d);
+                    self.add(wi, f, there, s.radiance, s.radiance);
                 }
             }
         }
     }
-    for k in 0..3 {
-        sums.diffuse[k] = points.diffuse[k].store();
-        sums.specular[0][k] = points.specular[0][k].store();
-        sums.specular[1][k] = points.specular[1][k].store();
-    }
-}
 
-/// Irradiance from everywhere at once, lane by lane: the diffuse lobe as seen head-on.
-#[inline(always)]
-fn without_direction<L: Lanes>(points: &mut Points<L>, batch: &Batch, emitter: &Emitter) {
-    let coat = |i: usize| if points.model == Model::MetallicRoughness { 1.0 - batch.coat[i] * batch.f0[i] } else { 1.0 };
-    let light: [[f32; 3]; 8] = std::array::from_fn(|i| {
-        let n = Vec3::new(batch.n[0][i], batch.n[1][i], batch.n[2][i]);
-        lambertian_radiance(Spectrum::gray(coat(i)), emitter.irradiance(n)).to_array()
-    });
-    for (k, sum) in points.diffuse.iter_mut().enumerate() {
-        *sum = sum.add(L::load(&light.map(|l| l[k])));
+    /// Adds irradiance from everywhere at once: the diffuse lobe as seen head-on.
+    #[inline(always)]
+    fn add_everywhere(&mut self, irradiance: V3<L>) {
+        let share = L::splat(1.0).sub(self.coat.mul(self.f0)).mul(L::splat(FRAC_1_PI));
+        self.diffuse = xyz!(k => self.diffuse[k].add(irradiance[k].mul(share)));
     }
-}
-impl<L: Lanes> Points<L> {
+
     /// Unit direction and distance to a place, and whether there is one.
     #[inline(always)]
     fn towards(&self, place: Vec3) -> (V3<L>, L, L::Mask) {
@@ -313,6 +441,7 @@ impl<L: Lanes> Points<L> {
         d = f.mul(n_l).mul(L::splat(FRAC_1_PI));
         let mut grazing = zero;
         match self.model {
+            Model::Done | Model::Lambert => s = zero,
             Model::Phong => {
                 // r·v = 2 (n·l)(n·v) − l·v.
                 let r_v = n_l.add(n_l).mul(self.n_v).sub(dot(wi, self.wo));
@@ -355,12 +484,23 @@ impl<L: Lanes> Points<L> {
         s = L::select(lit, s, zero);
         grazing = s.mul(L::select(lit, grazing, zero));
         let (e_d, e_s) = (diffuse.to_array(), specular.to_array());
-        for k in 0..3 {
-            self.diffuse[k] = self.diffuse[k].add(d.mul(L::splat(e_d[k])));
-            self.specular[0][k] = self.specular[0][k].add(s.mul(L::splat(e_s[k])));
-            self.specular[1][k] = self.specular[1][k].add(grazing.mul(L::splat(e_s[k])));
+        self.diffuse = xyz!(k => self.diffuse[k].add(d.mul(L::splat(e_d[k]))));
+        if self.model != Model::Lambert {
+            self.specular[0] = xyz!(k => self.specular[0][k].add(s.mul(L::splat(e_s[k]))));
+        }
+        if self.model == Model::MetallicRoughness {
+            self.specular[1] = xyz!(k => self.specular[1][k].add(grazing.mul(L::splat(e_s[k]))));
         }
     }
+}
+
+/// As [`Hemispherical::irradiance`].
+#[inline(always)]
+fn hemispherical<L: Lanes>(l: &Hemispherical, n: V3<L>) -> V3<L> {
+    let one = L::splat(1.0);
+    let t = L::splat(0.5).mul(one.add(dot(n, splat3(l.axis)).max(one.neg()).min(one)));
+    let (up, down) = (l.up.to_array(), l.down.to_array());
+    xyz!(k => L::splat(up[k]).mul(t).add(L::splat(down[k]).mul(one.sub(t))).mul(L::splat(PI)))
 }
 
 #[inline(always)]

@@ -194,7 +194,7 @@ impl World {
         self.sky.as_ref()
     }
 
-    pub(super) fn pyramid(&self, id: TextureId) -> Option<&Pyramid> {
+    pub(crate) fn pyramid(&self, id: TextureId) -> Option<&Pyramid> {
         self.pyramids[id.index()].as_ref()
     }
 
