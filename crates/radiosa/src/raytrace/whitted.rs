@@ -269,22 +269,24 @@ impl Tracer<'_> {
             let transmission = shading.bsdf.transmission();
             let entering = surface.is_front(wo);
             let mut surroundings = media.ior();
-            let (boundary, mut behind) = (&mut None, media);
+            let mut other_side;
+            let mut behind = media;
             let mut through = media.current().map(|medium| medium.absorption);
             if let Some(t) = transmission.filter(|t| !t.thin) {
-                let boundary = boundary.insert(media.meet(Medium::of(&surface, &t), entering));
+                other_side = *media;
+                let boundary = other_side.pass(Medium::of(&surface, &t), entering);
                 through = boundary.began_in.map(|medium| medium.absorption).or(through);
                 if let Some(absorption) = through {
                     open = open * media::transmittance(absorption, hit.t);
                 }
-                let Some(other_side) = boundary.surroundings else {
+                let Some(ior) = boundary.surroundings else {
                     // Hidden in a body of higher priority: there is no surface here.
-                    media_behind = boundary.behind;
+                    media_behind = other_side;
                     media = &media_behind;
                     ray = surface.ray(ray.dir);
                     continue;
                 };
-                (surroundings, behind) = (other_side, &boundary.behind);
+                (surroundings, behind) = (ior, &other_side);
             } else if let Some(absorption) = through {
                 open = open * media::transmittance(absorption, hit.t);
             }

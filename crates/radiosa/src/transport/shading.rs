@@ -201,13 +201,13 @@ impl World {
             match shading.bsdf.transmission().filter(|t| through_glass && !t.thin) {
                 None => passed = passed * absorb(media.current(), unit * hit.t),
                 Some(t) => {
-                    let boundary = media.meet(Medium::of(&surface, &t), surface.is_front(wo));
-                    passed = passed * absorb(boundary.began_in.as_ref().or(media.current()), unit * hit.t);
+                    let began_in = media.current().copied();
+                    let boundary = media.pass(Medium::of(&surface, &t), surface.is_front(wo));
+                    passed = passed * absorb(boundary.began_in.or(began_in).as_ref(), unit * hit.t);
                     if boundary.surroundings.is_none() {
                         // Hidden in a body of higher priority: there is no surface here.
                         glass = Spectrum::WHITE;
                     }
-                    media = boundary.behind;
                 }
             }
             passed = passed * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
