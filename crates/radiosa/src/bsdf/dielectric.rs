@@ -53,6 +53,9 @@ pub(super) fn specular_rays(
     wo: Vec3,
     entering: bool,
 ) -> SpecularRays {
+    if k_r.is_black() && transmission.is_none() {
+        return SpecularRays::default();
+    }
     let cos_o = n.dot(wo).clamp(0.0, 1.0);
     // A sheet has its outside on both sides.
     let relative = |ior: f32| if entering || transmission.is_some_and(|t| t.thin) { ior } else { 1.0 / ior };

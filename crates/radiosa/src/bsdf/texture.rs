@@ -23,9 +23,9 @@ fn sample_texture(scene: &Scene, texture: &Texture, uv: Vec2) -> [f32; 4] {
     match &texture.source {
         TextureSource::Image(id) => sample_image(&scene.images[id.index()], texture.sampler, texture.is_srgb, uv),
         TextureSource::Checker { even, odd, scale } => {
-            // Remainders of whole numbers in f32 are exact, however large they are.
-            let square = (uv * *scale).floor();
-            let is_odd = (square.x.rem_euclid(2.0) + square.y.rem_euclid(2.0)) == 1.0;
+            // Half a whole number and what is left of it are exact in f32, however large it is.
+            let half = (uv * *scale).floor() * 0.5;
+            let is_odd = (half - half.floor()).element_sum() == 0.5;
             let [r, g, b] = if is_odd { odd.to_array() } else { even.to_array() };
             [r, g, b, 1.0]
         }

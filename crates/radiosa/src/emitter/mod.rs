@@ -120,6 +120,16 @@ impl Emitter {
         }
     }
 
+    /// Directions that light arrives from at a point, at most.
+    pub fn n_directions(&self) -> usize {
+        match self {
+            Self::Ambient(_) | Self::Hemispherical(_) | Self::Environment(_) => 0,
+            Self::Point(_) | Self::Spot(_) | Self::Distant(_) => 1,
+            Self::Discrete(l) => l.incidents.len(),
+            Self::Area(l) => l.len(),
+        }
+    }
+
     /// What arrives at `p` from a light of one direction; `None` for the others, and where nothing arrives.
     pub fn incident(&self, p: Vec3) -> Option<Incident> {
         match self {

@@ -200,6 +200,13 @@ impl Film {
         }
     }
 
+    /// A black film of the same layers and another size, for a part of the picture.
+    pub(crate) fn part(&self, width: u32, height: u32) -> Self {
+        let n = width as usize * height as usize;
+        let planes = self.planes.iter().map(|p| Plane { layer: p.layer, name: p.name, values: vec![0.0; n] }).collect();
+        Self { width, height, planes, object_ids: self.object_ids.as_ref().map(|_| vec![0; n]) }
+    }
+
     /// Copies a film of the same layers to where its first pixel is `(x, y)`.
     ///
     /// # Panics

@@ -21,6 +21,57 @@ pub fn decode(y: f32) -> f32 {
     x.copysign(y)
 }
 
+/// The nearest byte to the encoded value, `⌊255 encode(x) + 1/2⌋`, for `x` in `[0, 1]`: from a table of where each byte begins.
+pub fn encode_u8(x: f32) -> u8 {
+    ENCODED.at(x)
+}
+
+fn encode_u8_by_formula(x: f32) -> u8 {
+    (encode(x) * 255.0 + 0.5) as u8
+}
+
+static ENCODED: LazyLock<Encoded> = LazyLock::new(Encoded::new);
+
+/// Where each byte begins. An octave of floats is cut into 256 pieces, so short that at most one byte begins in each.
+struct Encoded {
+    /// Byte at the lower end of each piece.
+    bytes: Vec<u8>,
+    /// The least float that becomes this byte, as bits, which order floats above zero; none becomes 256.
+    first: [u32; 257],
+}
+
+impl Encoded {
+    /// Floats of one piece have these low bits of their own.
+    const SHIFT: u32 = 15;
+    /// 2⁻¹³, below which everything is 0.
+    const SMALLEST: u32 = 114 << 23;
+
+    fn new() -> Self {
+        let one = 1f32.to_bits();
+        let mut first = [u32::MAX; 257];
+        first[0] = 0;
+        for (byte, first) in (1..=255u8).zip(&mut first[1..]) {
+            let (mut below, mut from) = (Self::SMALLEST, one);
+            while from - below > 1 {
+                let middle = below + (from - below) / 2;
+                *if encode_u8_by_formula(f32::from_bits(middle)) < byte { &mut below } else { &mut from } = middle;
+            }
+            *first = from;
+        }
+        let pieces = (Self::SMALLEST..=one).step_by(1 << Self::SHIFT);
+        Self { bytes: pieces.map(|bits| encode_u8_by_formula(f32::from_bits(bits))).collect(), first }
+    }
+
+    fn at(&self, x: f32) -> u8 {
+        if !(x >= f32::from_bits(Self::SMALLEST)) {
+            return 0;
+        }
+        let bits = x.min(1.0).to_bits();
+        let byte = self.bytes[((bits - Self::SMALLEST) >> Self::SHIFT) as usize];
+        byte + u8::from(bits >= self.first[usize::from(byte) + 1])
+    }
+}
+
 /// Linear light for each encoded byte.
 static BYTES: LazyLock<[f32; 256]> = LazyLock::new(|| {
     std::array::from_fn(|i| {
@@ -50,6 +101,19 @@ mod tests {
         assert!((encode(0.18) - 0.461_356_1).abs() < 1e-6);
         assert_eq!((encode(0.0), encode(-0.0).to_bits()), (0.0, (-0.0f32).to_bits()));
         assert!((encode(1.0) - 1.0).abs() < 1e-6 && (decode(1.0) - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_table_of_bytes_says_what_the_formula_says() {
+        // Around where each byte begins, the ends of all pieces, and a sweep.
+        let around = |bits: u32| bits.saturating_sub(64)..=bits + 64;
+        let beginnings = ENCODED.first[1..256].iter().copied().flat_map(around);
+        let pieces = (0..=1f32.to_bits()).step_by(1 << Encoded::SHIFT).flat_map(|bits| [bits.saturating_sub(1), bits]);
+        let sweep = (0..=1f32.to_bits()).step_by(997);
+        for x in beginnings.chain(pieces).chain(sweep).map(f32::from_bits).filter(|&x| x <= 1.0) {
+            assert_eq!(encode_u8(x), encode_u8_by_formula(x), "{x}");
+        }
+        assert_eq!([-0.0, f32::NAN, 0.0].map(encode_u8), [0; 3]);
     }
 
     #[test]

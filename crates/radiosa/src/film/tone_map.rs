@@ -149,7 +149,7 @@ impl Prepared {
 
     /// The whole picture as RGB bytes, sRGB-encoded, row-major from the top left.
     pub fn to_srgb8(&self, film: &Film) -> Vec<u8> {
-        self.encode(film, |v| (srgb::encode(v) * 255.0 + 0.5) as u8)
+        self.encode(film, srgb::encode_u8)
     }
 
     /// The whole picture as 16-bit RGB, sRGB-encoded, row-major from the top left.

@@ -71,7 +71,8 @@ impl<I: Integrator> Solver for AdaptiveRender<'_, I> {
 
     fn step(&mut self, world: &World) -> Step {
         let (s, integrator, view) = (&self.settings, self.integrator, self.view);
-        self.progress.step_tiles(&|columns, rows, n_rays| Tile { world, integrator, view, s, n_rays }.pixels(columns, rows))
+        self.progress
+            .step_tiles(&|columns, rows, part, n_rays| Tile { world, integrator, view, s, n_rays }.fill(columns, rows, part))
     }
 
     fn solution(&self) -> &Film {
@@ -94,7 +95,7 @@ struct Lattice {
 }
 
 impl<I: Integrator> Tile<'_, I> {
-    fn pixels(&mut self, columns: Range<u32>, rows: Range<u32>) -> Vec<Pixel> {
+    fn fill(&mut self, columns: Range<u32>, rows: Range<u32>, part: &mut Film) {
         let n = 1 << self.s.max_level;
         let mut lattice = Lattice { samples: vec![None; (n + 1) * (n + 1)], side: n + 1 };
         let across = columns.len() + 1;
@@ -104,7 +105,6 @@ impl<I: Integrator> Tile<'_, I> {
                 corners.push(self.sample(u64::from(x) * n as u64, u64::from(y) * n as u64));
             }
         }
-        let mut pixels = Vec::with_capacity(columns.len() * rows.len());
         for (j, y) in rows.enumerate() {
             for (i, x) in columns.clone().enumerate() {
                 let k = j * across + i;
@@ -113,10 +113,9 @@ impl<I: Integrator> Tile<'_, I> {
                     *lattice.at(at) = Some((corners[corner], 0.0));
                 }
                 self.cut(&mut lattice, (x, y), (0, 0), n);
-                pixels.push(lattice.finish());
+                part.set_pixel(i as u32, j as u32, &lattice.finish());
             }
         }
-        pixels
     }
 
     /// The sample at a point of the lattice that covers the whole picture, the same for every pixel that uses it.

@@ -13,7 +13,8 @@ use crate::transport::{Integrator, Solver, Step, View, World};
 /// nothing else, so that what a step does never depends on the machine. Sixteen pixels are enough for neighbouring rays to share caches.
 const fn granularity(spp: u32) -> (u32, usize) {
     match spp {
-        0..=16 => (16, 32),
+        0..=1 => (16, 128),
+        2..=16 => (16, 32),
         17..=64 => (16, 16),
         65..=512 => (8, 16),
         513..=4096 => (4, 16),
@@ -58,14 +59,22 @@ impl<I: Integrator> Solver for TiledRender<'_, I> {
         let (s, integrator, view) = (&self.settings, self.integrator, self.view);
         self.progress.step(&|x, y, n_rays| {
             let pixel = y * s.width + x;
-            let mut mean = Accumulator::new();
-            for sample in 0..s.spp {
+            let sample = |sample: u32, n_rays: &mut u64| {
                 // The same pattern in every pixel: edges of very bright things come out even instead of dotted.
                 let at = s.filter.sample(sequence::pixel_sample(s.seed, 0, sample, s.spp));
                 let (px, py) = (f64::from(x) + 0.5 + f64::from(at.offset.x), f64::from(y) + 0.5 + f64::from(at.offset.y));
                 let mut stream = Stream::new(s.seed, u64::from(pixel), u64::from(sample));
                 let ray = view.sample_ray(px, py, &mut stream);
-                mean.add(&integrator.sample(world, &ray, &mut stream, n_rays), at);
+                (integrator.sample(world, &ray, &mut stream, n_rays), at)
+            };
+            if s.spp == 1 {
+                // The mean of one is that one, whatever its weight.
+                return sample(0, n_rays).0;
+            }
+            let mut mean = Accumulator::new();
+            for i in 0..s.spp {
+                let (pixel, at) = sample(i, n_rays);
+                mean.add(&pixel, at);
             }
             mean.finish()
         })
@@ -93,35 +102,34 @@ impl TileLoop {
 
     /// Fills the next tiles with what `pixel` gives for (x, y); it adds to the last argument the rays it took.
     pub(super) fn step(&mut self, pixel: &(impl Fn(u32, u32, &mut u64) -> Pixel + Sync)) -> Step {
-        self.step_tiles(&|columns, rows, n_rays| {
-            let mut pixels = Vec::with_capacity(columns.len() * rows.len());
-            for y in rows {
-                pixels.extend(columns.clone().map(|x| pixel(x, y, n_rays)));
+        self.step_tiles(&|columns, rows, part, n_rays| {
+            for (j, y) in rows.enumerate() {
+                for (i, x) in columns.clone().enumerate() {
+                    part.set_pixel(i as u32, j as u32, &pixel(x, y, n_rays));
+                }
             }
-            pixels
         })
     }
 
-    /// The same with whole tiles at once: `tile` gives the pixels of its columns and rows, row by row.
-    pub(super) fn step_tiles(&mut self, tile: &(impl Fn(Range<u32>, Range<u32>, &mut u64) -> Vec<Pixel> + Sync)) -> Step {
+    /// The same with whole tiles at once: `tile` fills a film of its columns and rows.
+    pub(super) fn step_tiles(&mut self, tile: &(impl Fn(Range<u32>, Range<u32>, &mut Film, &mut u64) + Sync)) -> Step {
         let (side, width, height) = (self.side, self.film.width(), self.film.height());
         let across = width.div_ceil(side) as usize;
         let n_tiles = across * height.div_ceil(side) as usize;
         let range = |i: usize, end: u32| i as u32 * side..(i as u32 * side).saturating_add(side).min(end);
         let end = (self.next + self.a_step).min(n_tiles);
+        let film = &self.film;
         let tiles: Vec<_> = (self.next..end)
             .into_par_iter()
             .map(|i| {
-                let mut n_rays = 0;
-                (tile(range(i % across, width), range(i / across, height), &mut n_rays), n_rays)
+                let (columns, rows) = (range(i % across, width), range(i / across, height));
+                let (mut part, mut n_rays) = (film.part(columns.len() as u32, rows.len() as u32), 0);
+                tile(columns, rows, &mut part, &mut n_rays);
+                (part, n_rays)
             })
             .collect();
-        for (i, (pixels, n_rays)) in (self.next..end).zip(tiles) {
-            let (columns, rows) = (range(i % across, width), range(i / across, height));
-            let places = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
-            for ((x, y), pixel) in places.zip(&pixels) {
-                self.film.set_pixel(x, y, pixel);
-            }
+        for (i, (part, n_rays)) in (self.next..end).zip(tiles) {
+            self.film.paste(range(i % across, width).start, range(i / across, height).start, &part);
             self.n_rays += n_rays;
         }
         self.next = end;

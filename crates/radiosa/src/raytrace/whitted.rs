@@ -241,10 +241,12 @@ struct Tracer<'a> {
 
 impl Tracer<'_> {
     /// Follows a ray to what it meets, through holes; gives `sink` what arrives and returns how much of the ray leaves the scene.
-    fn follow(&mut self, ray: &Ray, media: &Media, reach: Reach, sink: &mut impl Sink) -> f32 {
+    fn follow(&mut self, ray: &Ray, media_at_start: &Media, reach: Reach, sink: &mut impl Sink) -> f32 {
         let world = self.world;
         let mut ray = *ray;
-        let mut media = *media;
+        // A list of bodies is copied only where the ray goes on into another.
+        let (mut media, mut media_behind);
+        media = media_at_start;
         let mut distance = 0.0;
         // What still comes through, and the part of it that absorption did not decide.
         let mut open = Spectrum::WHITE;
@@ -267,21 +269,24 @@ impl Tracer<'_> {
             let transmission = shading.bsdf.transmission();
             let entering = surface.is_front(wo);
             let mut surroundings = media.ior();
+            let mut other_side;
             let mut behind = media;
             let mut through = media.current().map(|medium| medium.absorption);
             if let Some(t) = transmission.filter(|t| !t.thin) {
-                let boundary = media.meet(Medium::of(&surface, &t), entering);
+                other_side = *media;
+                let boundary = other_side.pass(Medium::of(&surface, &t), entering);
                 through = boundary.began_in.map(|medium| medium.absorption).or(through);
                 if let Some(absorption) = through {
                     open = open * media::transmittance(absorption, hit.t);
                 }
-                let Some(other_side) = boundary.surroundings else {
+                let Some(ior) = boundary.surroundings else {
                     // Hidden in a body of higher priority: there is no surface here.
-                    media = boundary.behind;
+                    media_behind = other_side;
+                    media = &media_behind;
                     ray = surface.ray(ray.dir);
                     continue;
                 };
-                (surroundings, behind) = (other_side, boundary.behind);
+                (surroundings, behind) = (ior, &other_side);
             } else if let Some(absorption) = through {
                 open = open * media::transmittance(absorption, hit.t);
             }
@@ -295,7 +300,7 @@ impl Tracer<'_> {
                     &surface,
                     &mut shading,
                     entering,
-                    (&media, &behind),
+                    (media, behind),
                     Reach { travelled, ..reach },
                     weight.max_channel(),
                 );
@@ -307,7 +312,8 @@ impl Tracer<'_> {
                 return uncovered * f32::from(u8::from(uncovered >= NEGLIGIBLE));
             }
             // A hole in the wall of a body lets into the body.
-            media = behind;
+            media_behind = *behind;
+            media = &media_behind;
             ray = surface.ray(ray.dir);
         }
         0.0
@@ -352,15 +358,18 @@ impl Tracer<'_> {
             return light;
         }
         let here = Reach { weight: reach.weight * weight, ..reach };
+        let reweighed;
         let bsdf = match settings.fresnel {
-            Fresnel::Material => shading.bsdf,
-            Fresnel::On => shading.bsdf.with_fresnel(true),
-            Fresnel::Off => shading.bsdf.with_fresnel(false),
+            Fresnel::Material => &shading.bsdf,
+            Fresnel::On | Fresnel::Off => {
+                reweighed = shading.bsdf.with_fresnel(settings.fresnel == Fresnel::On);
+                &reweighed
+            }
         };
         let rays = bsdf.specular_rays(shading.n, wo, entering);
         let ng = if entering { surface.ng } else { -surface.ng };
         self.perfect(surface, ng, &rays, media, here, &mut light);
-        self.gloss(surface, ng, (&bsdf, shading.n, wo), media.0, here, &mut light);
+        self.gloss(surface, ng, (bsdf, shading.n, wo), media.0, here, &mut light);
         light
     }
 

@@ -6,12 +6,15 @@ use crate::emitter::area::{self, PointSample};
 use crate::emitter::environment::Sky;
 use crate::emitter::random::PointSampler;
 use crate::emitter::{Emitter, EnvironmentShadows, Incident};
-use crate::math::rounding::gamma;
+use crate::math::rounding::{self, gamma};
 use crate::math::{Ray, Vec3};
 use crate::radiometry::lambertian_radiance;
 use crate::sampling::Stream;
 use crate::scene::Light;
 use crate::spectrum::Spectrum;
+
+/// A highlight that reflects less than this part of the light (1/sr) is not seen beside anything: its shadow ray need not be traced.
+const DARK: f32 = 1e-9;
 
 /// Random points on emissive surfaces held at once.
 const POINTS_AT_ONCE: usize = 32;
@@ -62,6 +65,8 @@ pub struct Lights {
     ambient: Spectrum,
     n_points: usize,
     n_wanted: usize,
+    /// So few shadow rays leave a point that each is traced alone.
+    few: bool,
     /// Transparent things cast shadows like opaque ones.
     full_shadows: bool,
     /// Draws points on emissive surfaces, instead of the fixed ones.
@@ -105,7 +110,8 @@ impl Lights {
             emitters.push(Emitter::Area(points));
         }
         let ambient = scene.ambient + emitters.iter().map(Emitter::ambient).sum();
-        Self { emitters, ambient, n_points, n_wanted, full_shadows: false, random_points: None }
+        let few = emitters.iter().map(Emitter::n_directions).sum::<usize>() <= World::FEW_SEGMENTS;
+        Self { emitters, ambient, n_points, n_wanted, few, full_shadows: false, random_points: None }
     }
 
     /// Transparent things cast full shadows, as in Whitted's paper; holes of masks and of coverage stay holes.
@@ -119,6 +125,7 @@ impl Lights {
         if self.n_points > 0 {
             self.emitters.retain(|emitter| !matches!(emitter, Emitter::Area(_)));
             self.random_points = Some(PointSampler::new(world.emissive()));
+            self.few = false;
             self.n_points = 0;
         }
         self
@@ -193,12 +200,19 @@ impl Lights {
         n_rays: &mut u64,
     ) -> LocalLight {
         let mut light = LocalLight { ambient: shading.bsdf.ambient() * self.ambient, ..LocalLight::default() };
-        let mut batch = Batch::new(!self.full_shadows);
-        let start = if shadows { world.shadow_origin(surface, shading.n) } else { *surface };
+        if shading.bsdf.is_specular_only() {
+            return light;
+        }
+        let through_glass = !self.full_shadows;
+        let mut batch: Option<Batch> = None;
+        let p = if shadows { world.shadow_origin(surface, shading.n) } else { surface.p };
         // Where shadow rays leave to either side: the same for every light.
-        let (above, below) = (start.ray(start.ng).origin, start.ray(-start.ng).origin);
-        let shadow_ray = |incident: &Incident| {
-            let origin = if start.ng.dot(incident.wi) >= 0.0 { above } else { below };
+        let mut origins: [Option<Vec3>; 2] = [None; 2];
+        let mut shadow_ray = |incident: &Incident| {
+            let is_above = surface.ng.dot(incident.wi) >= 0.0;
+            let side = if is_above { surface.ng } else { -surface.ng };
+            let offset = || rounding::offset_origin(p, surface.p_error, surface.ng, side);
+            let origin = *origins[usize::from(is_above)].get_or_insert_with(offset);
             let Some(target) = incident.target else { return Ray::new(origin, incident.wi) };
             // Clear of the rounding of both ends: a lamp may hang in the very plane of a ceiling.
             let dir = target - origin;
@@ -211,20 +225,32 @@ impl Lights {
             }
             let lobes = shading.bsdf.evaluate_cos(shading.n, shading.wo, incident.wi);
             let (diffuse, specular) = (lobes.diffuse * incident.diffuse, lobes.specular * incident.specular);
-            if diffuse.is_black() && specular.is_black() {
+            if diffuse.is_black() && (specular.is_black() || lobes.specular.max_channel() < DARK) {
                 return;
             }
+            let mut passed = Spectrum::WHITE;
             if shadows && incident.casts_shadow {
-                batch.push(shadow_ray(&incident), diffuse, specular);
-                if batch.n == 8 {
-                    batch.flush(world, light, n_rays);
+                let ray = shadow_ray(&incident);
+                if !self.few {
+                    let batch = batch.get_or_insert_with(|| Batch::new(through_glass));
+                    batch.push(ray, diffuse, specular);
+                    if batch.n == 8 {
+                        batch.flush(world, light, n_rays);
+                    }
+                    return;
                 }
-            } else {
-                light.diffuse += diffuse;
-                light.specular += specular;
+                passed = world.transmittance(&ray, through_glass, n_rays);
             }
+            light.diffuse += diffuse * passed;
+            light.specular += specular * passed;
         };
         for emitter in emitters {
+            if let Emitter::Point(point) = emitter {
+                if let Some(incident) = point.incident(surface.p) {
+                    reflect(incident, &mut light);
+                }
+                continue;
+            }
             // Light from everywhere at once: the diffuse lobe under its irradiance, no highlight.
             light.diffuse += lambertian_radiance(shading.bsdf.diffuse_reflectance(), emitter.irradiance(shading.n));
             emitter.for_each_incident(surface.p, &mut |incident| reflect(incident, &mut light));
@@ -232,7 +258,9 @@ impl Lights {
         for incident in points.iter().filter_map(|point| point.incident(surface.p)) {
             reflect(incident, &mut light);
         }
-        batch.flush(world, &mut light, n_rays);
+        if let Some(mut batch) = batch {
+            batch.flush(world, &mut light, n_rays);
+        }
         light
     }
 }

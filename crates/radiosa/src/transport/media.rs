@@ -50,8 +50,6 @@ pub(crate) struct Media {
 pub(crate) struct Boundary {
     /// Index of refraction on the other side of the body's surface; `None` when another body of higher priority hides this one.
     pub(crate) surroundings: Option<f32>,
-    /// Where the ray is when it has passed.
-    pub(crate) behind: Media,
     /// The medium it came through when that is the body itself and it never entered: it started inside.
     pub(crate) began_in: Option<Medium>,
 }
@@ -68,25 +66,25 @@ impl Media {
         self.current().map_or(1.0, |medium| medium.ior)
     }
 
-    /// The ray meets the surface of `body`, from outside (`entering`) or from inside.
-    pub(crate) fn meet(&self, body: Medium, entering: bool) -> Boundary {
-        let mut behind = *self;
+    /// The ray passes the surface of `body`, from outside (`entering`) or from inside.
+    pub(crate) fn pass(&mut self, body: Medium, entering: bool) -> Boundary {
         if entering {
             let hidden = self.current().is_some_and(|current| current.priority > body.priority);
-            if behind.n < CAPACITY {
-                behind.bodies[behind.n] = body;
-                behind.n += 1;
+            let surroundings = (!hidden).then(|| self.ior());
+            if self.n < CAPACITY {
+                self.bodies[self.n] = body;
+                self.n += 1;
             }
-            return Boundary { surroundings: (!hidden).then(|| self.ior()), behind, began_in: None };
+            return Boundary { surroundings, began_in: None };
         }
         let Some(i) = self.bodies[..self.n].iter().rposition(|other| other.body == body.body) else {
             let hidden = self.current().is_some_and(|current| current.priority > body.priority);
-            return Boundary { surroundings: (!hidden).then(|| self.ior()), behind, began_in: (!hidden).then_some(body) };
+            return Boundary { surroundings: (!hidden).then(|| self.ior()), began_in: (!hidden).then_some(body) };
         };
         let visible = self.current().is_some_and(|current| current.body == body.body);
-        behind.bodies.copy_within(i + 1..self.n, i);
-        behind.n -= 1;
-        Boundary { surroundings: visible.then(|| behind.ior()), behind, began_in: None }
+        self.bodies.copy_within(i + 1..self.n, i);
+        self.n -= 1;
+        Boundary { surroundings: visible.then(|| self.ior()), began_in: None }
     }
 }
 
@@ -107,40 +105,39 @@ mod tests {
     fn the_higher_priority_hides_the_lower_where_bodies_overlap() {
         let (glass, water) = (body(1, 1.5, 2), body(2, 1.33, 1));
         // Into the glass, the water begins unseen within it, out of the glass into water, out of the water.
-        let a = Media::default().meet(glass, true);
-        assert_eq!((a.surroundings, a.behind.ior()), (Some(1.0), 1.5));
-        let b = a.behind.meet(water, true);
-        assert_eq!((b.surroundings, b.behind.ior()), (None, 1.5));
-        let c = b.behind.meet(glass, false);
-        assert_eq!((c.surroundings, c.behind.ior()), (Some(1.33), 1.33));
-        let d = c.behind.meet(water, false);
-        assert_eq!((d.surroundings, d.behind.ior()), (Some(1.0), 1.0));
+        let mut media = Media::default();
+        let mut pass = |body, entering| (media.pass(body, entering).surroundings, media.ior());
+        assert_eq!(pass(glass, true), (Some(1.0), 1.5));
+        assert_eq!(pass(water, true), (None, 1.5));
+        assert_eq!(pass(glass, false), (Some(1.33), 1.33));
+        assert_eq!(pass(water, false), (Some(1.0), 1.0));
     }
 
     #[test]
     fn of_equal_bodies_the_inner_one_counts() {
         let (block, bubble) = (body(1, 1.5, 0), body(2, 1.0, 0));
-        let a = Media::default().meet(block, true).behind.meet(bubble, true);
-        assert_eq!((a.surroundings, a.behind.ior()), (Some(1.5), 1.0));
-        let b = a.behind.meet(bubble, false);
-        assert_eq!((b.surroundings, b.behind.ior()), (Some(1.5), 1.5));
+        let mut media = Media::default();
+        media.pass(block, true);
+        let mut pass = |body, entering| (media.pass(body, entering).surroundings, media.ior());
+        assert_eq!(pass(bubble, true), (Some(1.5), 1.0));
+        assert_eq!(pass(bubble, false), (Some(1.5), 1.5));
     }
 
     #[test]
     fn a_ray_that_leaves_what_it_never_entered_began_inside() {
-        let glass = body(1, 1.5, 0);
-        let out = Media::default().meet(glass, false);
-        assert_eq!((out.surroundings, out.began_in, out.behind.ior()), (Some(1.0), Some(glass), 1.0));
+        let (glass, mut media) = (body(1, 1.5, 0), Media::default());
+        let out = media.pass(glass, false);
+        assert_eq!((out.surroundings, out.began_in, media.ior()), (Some(1.0), Some(glass), 1.0));
     }
 
     #[test]
     fn more_bodies_than_fit_do_no_harm() {
         let mut media = Media::default();
         for i in 0..3 * CAPACITY as u32 {
-            media = media.meet(body(i, 1.0 + i as f32, 0), true).behind;
+            media.pass(body(i, 1.0 + i as f32, 0), true);
         }
         for i in (0..3 * CAPACITY as u32).rev() {
-            media = media.meet(body(i, 1.0 + i as f32, 0), false).behind;
+            media.pass(body(i, 1.0 + i as f32, 0), false);
         }
         assert_eq!((media.n, media.ior()), (0, 1.0));
     }

@@ -143,35 +143,45 @@ impl World {
     /// The fractions of light that pass along the first `n` segments, straight through holes and, when `through_glass`, everything
     /// transparent. White for the rest.
     pub fn transmittances(&self, segments: &[Ray; 8], n: usize, through_glass: bool, n_rays: &mut u64) -> [Spectrum; 8] {
-        let mut passed = [Spectrum::WHITE; 8];
-        *n_rays += n as u64;
-        let blocked = match n {
-            0 => 0,
-            // A packet costs more than a few rays one by one.
-            1..=2 => (0..n).fold(0, |mask, i| mask | u8::from(self.accel().occluded(&segments[i])) << i),
-            _ => self.accel().occluded8(segments, ((1u32 << n) - 1) as u8),
-        };
-        for (i, passed) in passed.iter_mut().enumerate().filter(|(i, _)| blocked >> i & 1 == 1) {
-            *passed = if self.has_transparency() {
-                self.transmittance_of_blocked(&segments[i], through_glass, n_rays)
-            } else {
-                Spectrum::BLACK
-            };
+        if n <= Self::FEW_SEGMENTS {
+            let mut one = |segment| self.transmittance(segment, through_glass, n_rays);
+            return std::array::from_fn(|i| if i < n { one(&segments[i]) } else { Spectrum::WHITE });
         }
-        passed
+        *n_rays += n as u64;
+        let blocked = self.accel().occluded8(segments, ((1u32 << n) - 1) as u8);
+        std::array::from_fn(|i| match blocked >> i & 1 == 1 {
+            true if self.has_transparency() => self.transmittance(&segments[i], through_glass, n_rays),
+            true => Spectrum::BLACK,
+            false => Spectrum::WHITE,
+        })
     }
 
-    /// The fraction for a segment that is known to meet something.
-    fn transmittance_of_blocked(&self, segment: &Ray, through_glass: bool, n_rays: &mut u64) -> Spectrum {
-        // What is opaque decides without order; only when nothing is, the rest is walked through from front to back.
-        let opaque = |hit: &Hit| {
-            let material = self.scene().material_of(InstanceId(hit.instance), hit.primitive);
-            !self.may_be_transparent(material)
-        };
+    /// Fewer shadow rays than this and one are sooner traced one by one: no packet is made of them.
+    pub(super) const FEW_SEGMENTS: usize = 3;
+
+    /// The fraction of light that passes along a segment, as in [`Self::transmittances`].
+    pub(super) fn transmittance(&self, segment: &Ray, through_glass: bool, n_rays: &mut u64) -> Spectrum {
         *n_rays += 1;
-        if self.accel().occluded_where(segment, &mut |hit| opaque(hit)) {
-            return Spectrum::BLACK;
+        if !self.has_transparency() {
+            return if self.accel().occluded(segment) { Spectrum::BLACK } else { Spectrum::WHITE };
         }
+        // What is opaque decides without order; only when nothing is, the rest is walked through from front to back.
+        let mut meets_any = false;
+        let is_opaque = &mut |hit: &Hit| {
+            meets_any = true;
+            !self.may_be_transparent(self.scene().material_of(InstanceId(hit.instance), hit.primitive))
+        };
+        if self.accel().occluded_where(segment, is_opaque) {
+            Spectrum::BLACK
+        } else if meets_any {
+            self.transmittance_of_transparent(segment, through_glass, n_rays)
+        } else {
+            Spectrum::WHITE
+        }
+    }
+
+    /// The fraction for a segment that meets transparent things only.
+    fn transmittance_of_transparent(&self, segment: &Ray, through_glass: bool, n_rays: &mut u64) -> Spectrum {
         let mut passed = Spectrum::WHITE;
         let end = segment.at(segment.t_max);
         let mut ray = *segment;
@@ -191,13 +201,13 @@ impl World {
             match shading.bsdf.transmission().filter(|t| through_glass && !t.thin) {
                 None => passed = passed * absorb(media.current(), unit * hit.t),
                 Some(t) => {
-                    let boundary = media.meet(Medium::of(&surface, &t), surface.is_front(wo));
-                    passed = passed * absorb(boundary.began_in.as_ref().or(media.current()), unit * hit.t);
+                    let began_in = media.current().copied();
+                    let boundary = media.pass(Medium::of(&surface, &t), surface.is_front(wo));
+                    passed = passed * absorb(boundary.began_in.or(began_in).as_ref(), unit * hit.t);
                     if boundary.surroundings.is_none() {
                         // Hidden in a body of higher priority: there is no surface here.
                         glass = Spectrum::WHITE;
                     }
-                    media = boundary.behind;
                 }
             }
             passed = passed * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);

@@ -65,10 +65,8 @@ impl World {
                 let m = placed.to_world.unwrap_or_default();
                 let (mut local, normal) = if matches!(shape, Shape::Sphere) {
                     // In f64: far from a small sphere the ray's own arithmetic would leave the surface.
-                    let inverse = self.to_local(instance);
-                    let o = inverse.transform_point3(ray.origin.as_dvec3());
-                    let d = inverse.transform_vector3(ray.dir.as_dvec3());
-                    let local = (o + d * f64::from(hit.t)).try_normalize().unwrap_or(glam::DVec3::Y);
+                    let p = ray.origin.as_dvec3() + ray.dir.as_dvec3() * f64::from(hit.t);
+                    let local = self.to_local(instance).transform_point3(p).try_normalize().unwrap_or(glam::DVec3::Y);
                     (local.as_vec3(), local)
                 } else {
                     (Vec3::new(hit.u, 0.0, hit.v), glam::DVec3::Y)
@@ -77,7 +75,7 @@ impl World {
                     local = Vec3::Y;
                 }
                 let (p, p_error) = transform_point(&m, local, local.abs() * gamma(3));
-                let ng = self.normal_to_world(instance, normal).try_normalize().unwrap_or(glam::DVec3::Y).as_vec3();
+                let ng = self.unit_normal_to_world(instance, normal);
                 Surface { p, p_error, ng, n: ng, instance, primitive: 0, weights: [0.0; 3], local, material, width: 0.0 }
             }
         }
@@ -104,17 +102,17 @@ fn transform_point(m: &crate::math::Affine3A, p: Vec3, error: Vec3) -> (Vec3, Ve
 }
 
 impl World {
-    /// The same point for shadow rays, lifted from a facet towards the smooth surface its vertex normals stand for.
+    /// The point for shadow rays, lifted from a facet towards the smooth surface its vertex normals stand for.
     ///
     /// Without it, the facets of a coarse round mesh shadow themselves in steps near the terminator, where the smooth surface still sees the light.
     /// The lift is the weighted mean of the point's distances below the vertices' tangent planes, on the side of `n`: zero on flat and concave
     /// places. Source: [Hanika21].
-    pub fn shadow_origin(&self, surface: &Surface, n: Vec3) -> Surface {
+    pub fn shadow_origin(&self, surface: &Surface, n: Vec3) -> Vec3 {
         let geometry = self.accel().geometry();
-        let Some(placed) = geometry.placed.get(surface.instance.index()) else { return *surface };
-        let Shape::Mesh { positions, triangles } = &geometry.shapes[placed.shape as usize] else { return *surface };
+        let Some(placed) = geometry.placed.get(surface.instance.index()) else { return surface.p };
+        let Shape::Mesh { positions, triangles } = &geometry.shapes[placed.shape as usize] else { return surface.p };
         let tri = triangles[surface.primitive as usize];
-        let Some(normals) = self.vertex_normals(surface.instance, tri) else { return *surface };
+        let Some(normals) = self.vertex_normals(surface.instance, tri) else { return surface.p };
         let mut lift = Vec3::ZERO;
         for ((v, normal), weight) in tri.into_iter().zip(normals).zip(surface.weights) {
             let vertex = positions[v as usize];
@@ -122,7 +120,7 @@ impl World {
             let normal = if normal.dot(n) < 0.0 { -normal } else { normal };
             lift -= normal * ((surface.p - vertex).dot(normal).min(0.0) * weight);
         }
-        Surface { p: surface.p + lift, ..*surface }
+        surface.p + lift
     }
 }
 

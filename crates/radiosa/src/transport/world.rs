@@ -34,6 +34,9 @@ pub struct World {
     pyramids: Vec<Option<Pyramid>>,
     /// By material: light may pass it.
     transparent: Vec<bool>,
+    has_transparency: bool,
+    /// The file's coordinates are the scene's.
+    in_file: bool,
 }
 
 #[derive(Debug)]
@@ -41,6 +44,8 @@ struct InstanceInfo {
     mirrored: bool,
     to_local: DAffine3,
     normal: glam::DMat3,
+    /// `normal` keeps unit vectors unit.
+    is_similarity: bool,
 }
 
 impl World {
@@ -112,8 +117,14 @@ impl World {
                     glam::DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
                 let determinant = m.determinant();
                 let mirrored = determinant < 0.0;
+                // Of a similarity the cofactors are the scale's square times a rotation.
+                let scale_2 = m.x_axis.length_squared();
+                let rotation = cofactor * (1.0 / scale_2);
+                let is_similarity = (rotation.transpose() * rotation).abs_diff_eq(glam::DMat3::IDENTITY, 1e-9);
+                let cofactor = if is_similarity { rotation } else { cofactor };
                 InstanceInfo {
                     mirrored,
+                    is_similarity,
                     to_local: if determinant == 0.0 { DAffine3::IDENTITY } else { t.inverse() },
                     normal: if mirrored { cofactor * -1.0 } else { cofactor },
                 }
@@ -122,9 +133,10 @@ impl World {
         let cpu_path = cpu_path.available();
         let accel = Accel::build(geometry, cpu_path);
         let has_masks = scene.materials.iter().any(|m| matches!(m.alpha.mode, AlphaMode::Mask { .. }));
-        let transparent = scene.materials.iter().map(|m| m.transmits() || m.alpha.mode != AlphaMode::Opaque).collect();
+        let transparent: Vec<bool> = scene.materials.iter().map(|m| m.transmits() || m.alpha.mode != AlphaMode::Opaque).collect();
         let pyramids = scene.textures.iter().map(|t| Pyramid::of_texture(t, &scene.images)).collect();
         let sky = scene.environment.as_ref().map(|e| Sky::new(e, &scene.images));
+        let in_file = scene.from_file == DAffine3::IDENTITY;
         let mut world = Self {
             scene,
             origin,
@@ -136,7 +148,9 @@ impl World {
             sky,
             has_masks,
             pyramids,
+            has_transparency: transparent.contains(&true),
             transparent,
+            in_file,
         };
         world.emissive = world.collect_emissive();
         Ok(world)
@@ -155,7 +169,7 @@ impl World {
     /// A point and a unit direction of the world in the coordinates of the input file, and the length of its unit in metres. Everything written
     /// out is in these.
     pub fn to_file(&self, p: Vec3, n: Vec3) -> (Vec3, Vec3, f32) {
-        if self.scene.from_file == DAffine3::IDENTITY {
+        if self.in_file {
             return ((p.as_dvec3() + self.origin).as_vec3(), n, 1.0);
         }
         let metres = libm::cbrt(self.scene.from_file.matrix3.determinant().abs());
@@ -203,7 +217,7 @@ impl World {
     }
 
     pub(crate) fn has_transparency(&self) -> bool {
-        self.transparent.contains(&true)
+        self.has_transparency
     }
 
     pub(super) fn may_be_transparent(&self, id: Option<MaterialId>) -> bool {
@@ -221,6 +235,13 @@ impl World {
     /// A front normal, of any length, from an instance's to world coordinates.
     pub(crate) fn normal_to_world(&self, id: InstanceId, n: DVec3) -> DVec3 {
         self.instances[id.index()].normal * n
+    }
+
+    /// A unit front normal, from an instance's to world coordinates; +y where its transform leaves nothing of it.
+    pub(crate) fn unit_normal_to_world(&self, id: InstanceId, n: DVec3) -> Vec3 {
+        let info = &self.instances[id.index()];
+        let n = info.normal * n;
+        if info.is_similarity { n.as_vec3() } else { n.try_normalize().unwrap_or(DVec3::Y).as_vec3() }
     }
 
     /// The vertex normals of a triangle in world coordinates; `None` where the mesh has none, or they are those of the flat triangle.
