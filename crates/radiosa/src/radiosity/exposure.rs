@@ -5,34 +5,33 @@
 //! blocked); what has to be known is the exposed area they are divided by.
 //!
 //! Points of all elements are joined to groups when a ray between them is free. A point is exposed when a source of light is in its group, or when it
-//! sees out of the scene: what is covered is shut in.
+//! sees out of the scene: what is covered is shut in. The points are those visibility is decided by ([`Element::exposes`]), so that exchange areas and
+//! exposed areas err together.
 
 use rayon::prelude::*;
 
 use super::direct::DirectLight;
-use super::mesh::{Element, ElementMesh};
+use super::mesh::{self, Element, ElementMesh};
 use crate::accel::Hit;
 use crate::math::{Frame, Ray, Vec3};
 use crate::sampling::{rng, sequence, warp};
-use crate::transport::World;
+use crate::transport::{Surface, World};
 
-/// Points of an element along each side of its unit square.
+/// Strata along each side of an element's unit square: the first points of an element lie one in each.
 const SIDE: usize = 4;
-/// Points of an element.
+/// Points of every element.
 const POINTS: usize = SIDE * SIDE;
-/// Additional points of an element that is exposed in part.
-const MORE: u32 = 112;
 /// Rays from each point that look for others.
 const RAYS: u32 = 6;
 
-/// The fraction of every element that light may reach, in `[0, 1]`.
-pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight, seed: u64) -> Vec<f32> {
+/// The points of every element that light may reach, as bits.
+pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight) -> Vec<u64> {
     let elements = mesh.elements();
     let n = elements.len() * POINTS;
     if u32::try_from(n).is_err() {
-        return vec![1.0; elements.len()];
+        return vec![!0; elements.len()];
     }
-    let start = |e: usize, k: usize| start_of(world, mesh, &elements[e], e, k, seed);
+    let start = |e: usize, k: usize| start_of(world, mesh, &elements[e], e, k);
     let found: Vec<(Vec<u32>, bool)> = (0..elements.len())
         .into_par_iter()
         .flat_map_iter(|e| {
@@ -43,7 +42,7 @@ pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight, s
             (0..POINTS).map(move |k| {
                 let (surface, from) = start(e, k);
                 let mut met = Vec::with_capacity(RAYS as usize);
-                let key = rng::key(&[seed, (e * POINTS + k) as u64, 0x6578_706F]);
+                let key = rng::key(&[(e * POINTS + k) as u64, 0x6578_706F]);
                 let mut is_lit = emits;
                 for i in 0..RAYS {
                     let dir = frame.to_world(warp::cosine_hemisphere(sequence::point_2d(i, key)));
@@ -78,39 +77,32 @@ pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight, s
     }
     let is_exposed: Vec<bool> = (0..n).map(|node| has_light[groups.root_of(node as u32) as usize]).collect();
     let of_element = |e: usize| {
-        let exposed = (0..POINTS).filter(|k| is_exposed[e * POINTS + k]).count();
-        if exposed == 0 || exposed == POINTS {
-            return exposed as f32 / POINTS as f32;
+        let first: u64 = (0..POINTS).filter(|k| is_exposed[e * POINTS + k]).map(|k| 1 << k).sum();
+        if first == 0 {
+            return 0;
         }
-        // A contact line crosses it: more points, exposed when they see one that is.
-        let more = (0..MORE).filter(|&k| sees_exposed(world, mesh, (e, k), &is_exposed, direct, seed)).count();
-        (exposed + more) as f32 / (POINTS as u32 + MORE) as f32
+        if first.count_ones() == POINTS as u32 {
+            return !0;
+        }
+        // A contact line crosses it: the other points, exposed when they see one that is.
+        let sees = |k: &usize| sees_exposed(world, mesh, (e, *k), &is_exposed, direct);
+        (POINTS..mesh::POINTS).filter(sees).map(|k| 1u64 << k).fold(first, |bits, bit| bits | bit)
     };
     (0..elements.len()).into_par_iter().map(of_element).collect()
 }
 
 /// An additional point of an element sees out of the scene, a light, or a point that is exposed.
-fn sees_exposed(
-    world: &World,
-    mesh: &ElementMesh,
-    (e, k): (usize, u32),
-    is_exposed: &[bool],
-    direct: &DirectLight,
-    seed: u64,
-) -> bool {
+fn sees_exposed(world: &World, mesh: &ElementMesh, (e, k): (usize, usize), is_exposed: &[bool], direct: &DirectLight) -> bool {
     let element = &mesh.elements()[e];
     let normal = element.normal.as_vec3();
-    let key = rng::key(&[seed, e as u64, 0x6D6F_7265]);
-    let u = sequence::point_2d(k, key);
-    let surface = mesh.surface(world, element, [f64::from(u.x), f64::from(u.y)]);
-    let from = surface.ray(normal).origin;
+    let (surface, from) = start_of(world, mesh, element, e, k);
     let frame = Frame::from_normal(normal);
-    let directions = rng::mix(key ^ u64::from(k));
+    let directions = rng::key(&[e as u64, k as u64, 0x6D6F_7265]);
     let sees = (0..2 * RAYS).any(|i| {
         let dir = frame.to_world(warp::cosine_hemisphere(sequence::point_2d(i, directions)));
         let Some((hit, at)) = world.closest_visible(&Ray::new(from, dir)) else { return true };
         node_at(mesh, &hit, at.p, dir).is_some_and(|node| {
-            let (_, to) = start_of(world, mesh, &mesh.elements()[node / POINTS], node / POINTS, node % POINTS, seed);
+            let (_, to) = start_of(world, mesh, &mesh.elements()[node / POINTS], node / POINTS, node % POINTS);
             is_exposed[node] && is_free(world, from, to)
         })
     });
@@ -118,19 +110,8 @@ fn sees_exposed(
 }
 
 /// Point `k` of an element: the surface there and where rays leave it.
-fn start_of(
-    world: &World,
-    mesh: &ElementMesh,
-    element: &Element,
-    e: usize,
-    k: usize,
-    seed: u64,
-) -> (crate::transport::Surface, Vec3) {
-    // Jittered within its stratum.
-    let key = rng::mix(rng::key(&[seed, (e * POINTS + k) as u64]));
-    let u = sequence::point_2d(0, key);
-    let at = [(k % SIDE) as f64 + f64::from(u.x), (k / SIDE) as f64 + f64::from(u.y)].map(|x| x / SIDE as f64);
-    let surface = mesh.surface(world, element, at);
+fn start_of(world: &World, mesh: &ElementMesh, element: &Element, e: usize, k: usize) -> (Surface, Vec3) {
+    let surface = mesh.surface(world, element, mesh::point(e as u32, k as u32));
     let from = surface.ray(element.normal.as_vec3()).origin;
     (surface, from)
 }
@@ -138,10 +119,10 @@ fn start_of(
 /// The point whose stratum a hit falls into.
 fn node_at(mesh: &ElementMesh, hit: &Hit, p: Vec3, dir: Vec3) -> Option<usize> {
     let (element, w) = mesh.weights_at(hit, p, dir)?;
-    let e = &mesh.elements()[element as usize];
-    let [s, t] = e.square_of(w);
-    let cell = |x: f32| ((x * SIDE as f32) as usize).min(SIDE - 1);
-    Some(element as usize * POINTS + cell(t) * SIDE + cell(s))
+    let stratum = |at: [f64; 2]| at.map(|x| ((x * SIDE as f64) as usize).min(SIDE - 1));
+    let here = stratum(mesh.elements()[element as usize].square_of(w).map(f64::from));
+    let k = (0..POINTS).find(|&k| stratum(mesh::point(element, k as u32)) == here)?;
+    Some(element as usize * POINTS + k)
 }
 
 /// Nothing opaque lies between.

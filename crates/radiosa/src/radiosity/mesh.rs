@@ -11,6 +11,7 @@ use super::sides::{self, Side};
 use crate::accel::Hit;
 use crate::math::polygon::area_vector;
 use crate::math::{DVec3, Ray, Vec3};
+use crate::sampling::{rng, sequence};
 use crate::scene::InstanceId;
 use crate::spectrum::Spectrum;
 use crate::transport::{Surface, World};
@@ -63,12 +64,27 @@ pub struct Element {
     pub whole_area: f64,
     corners: [DVec3; 4],
     n_corners: u8,
+    /// Which of its points light can reach.
+    exposed: u64,
+}
+
+/// Points of an element by which it is decided what it sees and what reaches it.
+pub const POINTS: usize = 64;
+
+/// Point `k` of an element, in its unit square: the first four, sixteen and all are well spread.
+pub fn point(element: u32, k: u32) -> [f64; 2] {
+    sequence::point_2d(k, rng::key(&[u64::from(element), 0x706F_696E_7473])).to_array().map(f64::from)
 }
 
 impl Element {
     /// Counter-clockwise seen from the side that emits and receives, world coordinates.
     pub fn corners(&self) -> &[DVec3] {
         &self.corners[..usize::from(self.n_corners)]
+    }
+
+    /// Light can reach its point `k` ([`point`]).
+    pub fn exposes(&self, k: usize) -> bool {
+        self.exposed >> k & 1 == 1
     }
 
     /// The fraction of it that light can reach.
@@ -145,9 +161,10 @@ impl ElementMesh {
             mesh.grids.push(grid);
         }
         if settings.sides == Sides::Lit {
-            let exposed = exposure::exposed(world, &mesh, direct, 0);
-            for (element, exposed) in mesh.elements.iter_mut().zip(exposed) {
-                element.area = element.whole_area * f64::from(exposed);
+            let exposed = exposure::exposed(world, &mesh, direct);
+            for (element, bits) in mesh.elements.iter_mut().zip(exposed) {
+                element.exposed = bits;
+                element.area = element.whole_area * f64::from(bits.count_ones()) / POINTS as f64;
             }
         }
         mesh
@@ -328,6 +345,7 @@ fn element(patch: &Patch, n: [u32; 2], cell: u32, index: u32, side: Side) -> Ele
         whole_area: length,
         corners,
         n_corners: n_corners as u8,
+        exposed: !0,
     }
 }
 

@@ -54,9 +54,9 @@ pub struct Scratch {
 
 impl<'a> Factors<'a> {
     /// Makes an estimator ready.
-    pub fn new(world: &'a World, mesh: &'a ElementMesh, estimator: &Estimator, seed: u64) -> Self {
+    pub fn new(world: &'a World, mesh: &'a ElementMesh, estimator: &Estimator, _seed: u64) -> Self {
         let kind = match estimator {
-            Estimator::Analytic(settings) => Kind::Analytic(pair::Pairs::new(world, mesh, settings, seed)),
+            Estimator::Analytic(settings) => Kind::Analytic(pair::Pairs::new(world, mesh, settings)),
         };
         Self { mesh, kind }
     }

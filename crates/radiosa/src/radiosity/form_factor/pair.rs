@@ -55,7 +55,7 @@ pub struct Scratch {
 
 impl<'a> Pairs<'a> {
     /// Prepares the points of every element.
-    pub fn new(world: &'a World, mesh: &'a ElementMesh, settings: &Settings, seed: u64) -> Self {
+    pub fn new(world: &'a World, mesh: &'a ElementMesh, settings: &Settings) -> Self {
         let elements = mesh.elements();
         let bound = |e: &Element| {
             let centre = rule::centroid(e);
@@ -68,7 +68,7 @@ impl<'a> Pairs<'a> {
         });
         Self {
             elements,
-            visibility: Visibility::new(world, mesh, settings.rays, seed),
+            visibility: Visibility::new(world, mesh, settings.rays),
             tolerance: settings.tolerance,
             bounds: elements.iter().map(bound).collect(),
             nodes,

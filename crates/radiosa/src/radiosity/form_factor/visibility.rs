@@ -10,12 +10,11 @@
 use crate::accel::Occluder;
 use crate::math::rounding::{gamma, offset_origin};
 use crate::math::{Ray, Vec3};
-use crate::radiosity::mesh::{Element, ElementMesh};
-use crate::sampling::{rng, sequence};
+use crate::radiosity::mesh::{self, Element, ElementMesh};
+use crate::sampling::rng;
 use crate::transport::World;
 
-/// Points kept for each element.
-pub(super) const POINTS: usize = 64;
+pub(super) use crate::radiosity::mesh::POINTS;
 
 /// Points of elements from which rays to other elements start, just in front of the surface.
 #[derive(Debug)]
@@ -39,14 +38,11 @@ pub struct Scratch {
 
 impl<'a> Visibility<'a> {
     /// `rays` between two elements at first, `more` in all when some but not all of them are blocked: at most [`POINTS`] both.
-    pub(super) fn new(world: &'a World, mesh: &ElementMesh, [rays, more]: [usize; 2], seed: u64) -> Self {
+    pub(super) fn new(world: &'a World, mesh: &ElementMesh, [rays, more]: [usize; 2]) -> Self {
         let mut points = Vec::with_capacity(mesh.elements().len() * POINTS);
         for (i, element) in mesh.elements().iter().enumerate() {
-            let key = rng::key(&[seed, i as u64, 0x7669_7369]);
-            points.extend((0..POINTS as u32).map(|k| {
-                let u = sequence::point_2d(k, key);
-                in_front(element, element.at([f64::from(u.x), f64::from(u.y)]).as_vec3())
-            }));
+            let of_point = |k: u32| in_front(element, element.at(mesh::point(i as u32, k)).as_vec3());
+            points.extend((0..POINTS as u32).map(of_point));
         }
         Self { world, points, n: [rays.clamp(1, POINTS), more.clamp(rays.clamp(1, POINTS), POINTS)] }
     }
@@ -78,19 +74,23 @@ impl<'a> Visibility<'a> {
         scratch.rays.clear();
         scratch.kernel.clear();
         // Within a power of two, so that the first few points meet the first few.
+        let mut covered = 0.0;
         let mask = self.n[0].next_power_of_two() - 1;
         for k in which {
-            let (p, q) = (from[k], to[k ^ (turn & mask)]);
+            let l = k ^ (turn & mask);
+            let (p, q) = (from[k], to[l]);
             let d = q - p;
             let r2 = d.length_squared();
             let kernel = na.dot(d).max(0.0) * (-nb.dot(d)).max(0.0) / (r2 * r2);
-            if kernel > 0.0 && kernel.is_finite() {
+            if !(a.exposes(k) && b.exposes(l)) {
+                covered += f64::from(if kernel.is_finite() { kernel } else { 0.0 });
+            } else if kernel > 0.0 && kernel.is_finite() {
                 scratch.rays.push(Ray { origin: p, dir: d, t_max: 1.0 });
                 scratch.kernel.push(kernel);
             }
         }
         scratch.n_rays += scratch.rays.len() as u64;
-        let mut sum = [0.0; 2];
+        let mut sum = [0.0, covered];
         if self.world.has_transparency() {
             for (rays, kernel) in scratch.rays.chunks(8).zip(scratch.kernel.chunks(8)) {
                 let eight = std::array::from_fn(|i| rays[i.min(rays.len() - 1)]);
