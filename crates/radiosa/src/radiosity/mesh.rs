@@ -120,7 +120,7 @@ impl ElementMesh {
             for side in [Side::Front, Side::Back] {
                 if kept[side as usize] {
                     grid.first[side as usize] = Some(mesh.elements.len() as u32);
-                    let of_cell = |cell| element(&patch, n, cell, p as u32, side);
+                    let of_cell = |cell| element(&patch, n, 1, cell, p as u32, side);
                     mesh.elements.extend((0..n[0] * n[1]).map(of_cell));
                 }
             }
@@ -231,9 +231,11 @@ fn size_for(patches: &[Patch], kept: &[[bool; 2]], wanted: u32) -> f64 {
     high
 }
 
-/// Cell `(i, j)`: a square of the grid; in a triangle `upper` names the one turned around.
-fn element(patch: &Patch, n: [u32; 2], cell: u32, index: u32, side: Side) -> Element {
-    let corner = |i: u32, j: u32| patch.at([f64::from(i) / f64::from(n[0]), f64::from(j) / f64::from(n[1])]);
+/// Cell `(i, j)` of the grid, or of the one of every `step`-th line: a square; in a triangle `upper` names the one turned around.
+fn element(patch: &Patch, n: [u32; 2], step: u32, cell: u32, index: u32, side: Side) -> Element {
+    let line = |i: u32, n: u32| f64::from((i * step).min(n)) / f64::from(n);
+    let corner = |i: u32, j: u32| patch.at([line(i, n[0]), line(j, n[1])]);
+    let n = n.map(|n| n.div_ceil(step));
     let (mut corners, n_corners) = if patch.is_quad() {
         let (i, j) = (cell % n[0], cell / n[0]);
         ([corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)], 4)
@@ -281,6 +283,72 @@ fn cell_at(patch: &Patch, n: [u32; 2], [s, t]: [f64; 2]) -> u32 {
     let i = i.min(n - 1 - j);
     let upper = fx + fy > 1.0 && i + j + 1 < n;
     j * (2 * n - j) + 2 * i + u32::from(upper)
+}
+
+/// Who sends light out: every element for itself, or blocks of neighbours together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Blocks {
+    /// Where a mesh with blocks has the first of them.
+    first: u32,
+    /// Block `s` has the elements `members[starts[s]..starts[s + 1]]`.
+    starts: Vec<u32>,
+    members: Vec<u32>,
+}
+
+impl Blocks {
+    /// Every one of `n` elements for itself.
+    pub fn single(n: usize) -> Self {
+        Self { first: 0, starts: (0..=n as u32).collect(), members: (0..n as u32).collect() }
+    }
+
+    /// How many there are.
+    pub fn n(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// The elements of block `s`.
+    pub fn members(&self, s: usize) -> impl Iterator<Item = usize> {
+        self.members[self.starts[s] as usize..self.starts[s + 1] as usize].iter().map(|&i| i as usize)
+    }
+
+    /// The index of block `s` as an element.
+    pub fn element(&self, s: u32) -> u32 {
+        self.first + s
+    }
+}
+
+impl ElementMesh {
+    /// The same mesh with blocks of `k × k` cells as elements of their own behind the others (in triangles of as many as divide their grid). Rays meet
+    /// the others alone.
+    pub fn with_blocks(&self, k: u32) -> (Self, Blocks) {
+        let mut mesh = self.clone();
+        let mut blocks = Blocks { first: self.elements.len() as u32, starts: vec![0], members: Vec::new() };
+        for (p, grid) in self.grids.iter().enumerate() {
+            let (patch, n) = (&self.patches.patches[p], grid.n);
+            let step = if patch.is_quad() { k.max(1) } else { (1..=k.max(1)).rev().find(|d| n[0] % d == 0).unwrap_or(1) };
+            let m = n.map(|n| n.div_ceil(step));
+            let cells = if patch.is_quad() { m[0] * m[1] } else { m[0] * m[0] };
+            for (first, side) in grid.first.into_iter().zip([Side::Front, Side::Back]) {
+                let Some(first) = first else { continue };
+                let mut of_block = vec![Vec::new(); cells as usize];
+                for i in first..first + n[0] * n[1] {
+                    let block = if patch.is_quad() {
+                        let cell = i - first;
+                        cell / n[0] / step * m[0] + cell % n[0] / step
+                    } else {
+                        cell_at(patch, m, patch.parameters(self.elements[i as usize].centre()))
+                    };
+                    of_block[block as usize].push(i);
+                }
+                for (cell, members) in of_block.into_iter().enumerate() {
+                    mesh.elements.push(element(patch, n, step, cell as u32, p as u32, side));
+                    blocks.members.extend(members);
+                    blocks.starts.push(blocks.members.len() as u32);
+                }
+            }
+        }
+        (mesh, blocks)
+    }
 }
 
 /// What a surface is made of, averaged over one element.

@@ -24,4 +24,4 @@ pub mod solve;
 pub mod system;
 
 pub use sides::Side;
-pub use solution::{Settings, Solution, solve};
+pub use solution::{Division, Radiosity, Settings, Solution, solve};
