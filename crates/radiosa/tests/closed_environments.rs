@@ -150,8 +150,15 @@ fn solve(world: &World, settings: &radiosity::Settings, change: impl Fn(&mut Sys
     radiosity.into_solution()
 }
 
-/// Systems of one element for each face: name, faces, B and H of each.
-fn systems() -> Vec<(String, Vec<Face>, Vec<f64>, Vec<f64>)> {
+/// One element for each face, and the B and H of each.
+struct Case {
+    id: String,
+    faces: Vec<Face>,
+    b: Vec<f64>,
+    h: Vec<f64>,
+}
+
+fn systems() -> Vec<Case> {
     let mut all = Vec::new();
     for e in environments().iter().filter(|e| e["kind"] == "box") {
         let faces = e["faces"].as_array().expect("faces").iter();
@@ -160,7 +167,8 @@ fn systems() -> Vec<(String, Vec<Face>, Vec<f64>, Vec<f64>)> {
             Face::grey(corners, number(&f["emission"]), number(&f["reflectance"]))
         };
         let truth = &e["six_patch"];
-        all.push((e["id"].to_string(), faces.map(face).collect(), numbers(&truth["B"]), numbers(&truth["irradiance"])));
+        let (b, h) = (numbers(&truth["B"]), numbers(&truth["irradiance"]));
+        all.push(Case { id: e["id"].to_string(), faces: faces.map(face).collect(), b, h });
     }
     let unit = || box_faces(DVec3::ONE, &[0.0; 6], &[0.0; 6]);
     let quad = |c: [[f64; 3]; 4]| c.map(DVec3::from_array).to_vec();
@@ -192,7 +200,7 @@ fn systems() -> Vec<(String, Vec<Face>, Vec<f64>, Vec<f64>)> {
         let (emission, reflectance) = (numbers(&e["emission"]), numbers(&e["reflectance"]));
         let face = |(f, corners): (usize, Vec<DVec3>)| Face::grey(corners, emission[f], reflectance[f]);
         let faces = corners.into_iter().enumerate().map(face).collect();
-        all.push((id.to_string(), faces, numbers(&e["B"]), numbers(&e["irradiance"])));
+        all.push(Case { id: id.to_string(), faces, b: numbers(&e["B"]), h: numbers(&e["irradiance"]) });
     }
     all
 }
@@ -209,7 +217,7 @@ fn error(solution: &Solution, b: &[f64], h: &[f64]) -> f64 {
 #[test]
 fn systems_of_a_few_elements_are_solved_exactly() {
     let mut worst = (0.0f64, String::new());
-    for (id, faces, b, h) in systems() {
+    for Case { id, faces, b, h } in systems() {
         let world = world(&faces, Vec::new());
         for (name, method) in deterministic() {
             let off = error(&solve(&world, &settings(method, None, 1e-8), |_| ()), &b, &h);
@@ -230,7 +238,7 @@ fn systems_of_a_few_elements_are_solved_exactly() {
 fn rays_solve_the_same_systems_within_their_standard_error() {
     let method = Method::Stochastic(stochastic::Settings { rays: 1 << 12, rounds: 16 });
     let (mut worst, mut largest, mut n, mut squares) = (0.0f64, 0.0f64, 0, 0.0);
-    for (id, faces, b, h) in systems() {
+    for Case { id, faces, b, h } in systems() {
         let world = world(&faces, Vec::new());
         let mut settings = settings(method, None, 1e-8);
         settings.stop.error = 1.0;
@@ -341,7 +349,7 @@ fn furnaces_are_the_same_everywhere() {
         let faces = box_faces(size, &[0.0; 6], &[0.0; 6]);
         (world(&faces, Vec::new()), Some(size.max_element() / n as f64))
     };
-    let tetrahedron = systems().pop().expect("the last one").1;
+    let tetrahedron = systems().pop().expect("the last one").faces;
     let shapes = [
         ("box 1 × 1 × 1", unit(DVec3::ONE, 4)),
         ("box 2 × 1 × 0.5", unit(DVec3::new(2.0, 1.0, 0.5), 6)),
@@ -574,4 +582,65 @@ fn the_number_of_threads_changes_nothing() {
         assert_eq!(one.radiosity, three.radiosity, "{name}");
         assert_eq!(one.history, three.history, "{name}");
     }
+}
+
+#[test]
+fn refined_meshes_cover_their_patches_once() {
+    let tetrahedron = systems().pop().expect("the last one").faces;
+    let quads = box_faces(DVec3::new(2.0, 1.0, 0.5), &[0.0; 6], &[0.5; 6]);
+    for faces in [tetrahedron, quads, sphere(1.0, &[(1.0, 0.0, 0.5)], 8)] {
+        let world = world(&faces, Vec::new());
+        let settings = mesh::Settings { elements: 0, size: Some(0.4), sides: mesh::Sides::Both };
+        let mut mesh = mesh::ElementMesh::new(&world, &settings);
+        let area = |mesh: &mesh::ElementMesh| mesh.elements().iter().map(|e| e.area).sum::<f64>();
+        let whole = area(&mesh);
+        for level in 0..4u64 {
+            for (i, e) in mesh.elements().iter().enumerate() {
+                assert_eq!(mesh.element_on(e.patch, e.side, e.centre()), Some(i as u32), "level {level}");
+            }
+            assert!((area(&mesh) / whole - 1.0).abs() < 1e-12);
+            let marked: Vec<bool> =
+                (0..mesh.elements().len() as u64).map(|i| radiosa::sampling::rng::key(&[level, i]).is_multiple_of(5)).collect();
+            let refined = mesh.refined(&marked);
+            assert!(refined.elements().len() > mesh.elements().len());
+            mesh = refined;
+        }
+    }
+}
+
+#[test]
+fn refinement_finds_the_rim_of_a_spot() {
+    use radiosa::radiosity::refine;
+    let (distance, exponent, cutoff) = (1.5f64, 8.0f64, 0.5f64);
+    let kind = LightKind::Spot {
+        position: DVec3::new(0.0, 0.0, distance),
+        axis: DVec3::NEG_Z,
+        cone: Cone::Classic { exponent, cutoff },
+        unit: PhotometricUnit::Classic,
+        attenuation: Attenuation { c1: 0.0, c2: 0.0, c3: 1.0 },
+        range: f64::INFINITY,
+    };
+    let corners = [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]].map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
+    let world = world(&[Face::grey(corners, 0.0, 0.5)], vec![Light::new("spot", Spectrum::WHITE, kind)]);
+    let truth = |p: DVec3| {
+        let d2 = p.length_squared() + distance * distance;
+        let cosine = distance / d2.sqrt();
+        if cosine > cutoff.cos() { PI * cosine.powf(exponent + 1.0) / d2 } else { 0.0 }
+    };
+    let rms = |solution: &Solution| {
+        let of = |(e, h): (&mesh::Element, &[f64; 3])| {
+            let at = |k: i32| e.at([f64::from(k % 8) + 0.5, f64::from(k / 8) + 0.5].map(|v| v / 8.0));
+            e.area * (0..64).map(|k| (h[0] - truth(at(k))).powi(2)).sum::<f64>() / 64.0
+        };
+        solution.mesh.elements().iter().zip(&solution.irradiance).map(of).sum::<f64>().sqrt()
+    };
+    let coarse = settings(Method::GaussSeidel, Some(0.25), 1e-3);
+    let refined = refine::solve(&world, &coarse, &refine::Settings { levels: 3, ..refine::Settings::default() });
+    let last = refined.last().expect("the first at least");
+    let n = last.mesh.elements().len();
+    let uniform = solve(&world, &settings(Method::GaussSeidel, Some(4.0 / (n as f64).sqrt().ceil()), 1e-3), |_| ());
+    let errors = [&refined[0], last, &uniform].map(rms);
+    let counts: Vec<usize> = refined.iter().map(|s| s.mesh.elements().len()).collect();
+    println!("elements {counts:?}, against {}: {}", uniform.mesh.elements().len(), list(&errors));
+    assert!(errors[1] < 0.7 * errors[2] && errors[1] < 0.5 * errors[0], "{errors:?}");
 }

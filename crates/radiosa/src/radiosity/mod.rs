@@ -7,6 +7,7 @@
 //!   │  direct, system          what elements are made of, and what lights that are not surfaces bring them
 //!   │  solve                   B = E + ρ F B
 //! Solution                     radiosity and irradiance of every element
+//!   │  refine                  elements divided where that light varies, and again
 //!   │  gather, display         at a point; as a picture
 //! ```
 //!
@@ -18,6 +19,7 @@ pub mod gather;
 pub mod matrix;
 pub mod mesh;
 pub mod patch;
+pub mod refine;
 mod sides;
 pub mod solution;
 pub mod solve;

@@ -70,13 +70,21 @@ impl Solution {
 pub fn system(world: &World, mesh: &ElementMesh, settings: &Settings) -> System {
     let rgb = |s: Spectrum| [s.r, s.g, s.b].map(f64::from);
     let matter: Vec<_> = mesh.elements().par_iter().map(|e| mesh.matter(world, e)).collect();
-    System {
+    let mut system = System {
         area: mesh.elements().iter().map(|e| e.area).collect(),
         // Beyond one nothing would converge.
         reflectance: matter.iter().map(|m| rgb(m.reflectance).map(|r| r.clamp(0.0, 1.0))).collect(),
         emission: matter.iter().map(|m| rgb(m.emission)).collect(),
         direct: DirectLight::new(world, &settings.extra_lights, settings.seed).irradiance(mesh),
+    };
+    // Slivers of no area have no normal, and nothing that depends on one.
+    for (i, element) in mesh.elements().iter().enumerate() {
+        let values = [&mut system.reflectance[i], &mut system.emission[i], &mut system.direct[i]];
+        if !element.normal.is_finite() || values.iter().any(|v| v.iter().any(|v| !v.is_finite())) {
+            values.into_iter().for_each(|v| *v = [0.0; 3]);
+        }
     }
+    system
 }
 
 /// Solves a world at once.
@@ -252,7 +260,7 @@ impl<'a> Radiosity<'a> {
             balance.escaped = escaped;
         }
         let change = before.iter().zip(unknowns.radiosity.iter()).flat_map(|(a, b)| (0..3).map(move |c| (a[c] - b[c]).abs()));
-        let (change, residual) = (change.fold(0.0, f64::max), unknowns.residual());
+        let (change, residual) = (change.fold(0.0, f64::max), unknowns.residual(system));
         let step = self.solution.history.records.len() as u32 + 1;
         Record { step, residual, change, balance, error, n_pairs: self.n_pairs, n_exchanges: self.n_exchanges, n_rays }
     }

@@ -64,11 +64,14 @@ impl Unknowns<'_> {
         }
     }
 
-    /// The largest unshot radiosity relative to the largest radiosity.
-    pub fn residual(&self) -> f64 {
-        let largest = |b: &[[f64; 3]]| b.iter().flatten().fold(0.0f64, |m, v| m.max(v.abs()));
-        let all = largest(self.radiosity);
-        if all > 0.0 { largest(self.unshot) / all } else { 0.0 }
+    /// How far `E + ρ (D + F B)` still is from B, by power: `Σ A |U| / Σ A |B|`, the channel where it is largest.
+    pub fn residual(&self, system: &System) -> f64 {
+        let power = |b: &[[f64; 3]], c: usize| b.iter().zip(&system.area).map(|(b, a)| a * b[c].abs()).sum::<f64>();
+        let of = |c: usize| {
+            let all = power(self.radiosity, c);
+            if all > 0.0 { power(self.unshot, c) / all } else { 0.0 }
+        };
+        (0..3).map(of).fold(0.0, f64::max)
     }
 }
 

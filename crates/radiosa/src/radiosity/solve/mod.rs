@@ -37,7 +37,7 @@ impl Solver {
 /// When a solver stops: as soon as one of them is reached. Time is the caller's: whoever wants to stop stops asking for steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
-    /// The largest residual `|E + ρ (D + F B) − B|` relative to the largest radiosity.
+    /// The residual `|E + ρ (D + F B) − B|`, by power relative to that of B.
     pub residual: f64,
     /// The largest change of a radiosity in a step, W/m² or lm/m²; zero: never.
     pub change: f64,
@@ -71,7 +71,7 @@ impl Stop {
 pub struct Record {
     /// From 1.
     pub step: u32,
-    /// Largest unshot radiosity relative to the largest radiosity.
+    /// `|E + ρ (D + F B) − B|`, by power relative to that of B.
     pub residual: f64,
     /// Largest change of a radiosity in this step, W/m² or lm/m².
     pub change: f64,

@@ -27,7 +27,7 @@ use crate::transport::World;
 /// How to shoot rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Rays of the first iteration of a round; zero: 16 for each element, between 2^16 and 2^22.
+    /// Rays of the first iteration of a round; zero: 8 for each element, between 2^16 and 2^22.
     pub rays: u32,
     /// Rounds at least, before their spread is believed.
     pub rounds: u32,
@@ -81,7 +81,7 @@ impl Stochastic {
     pub fn new(system: &System, settings: Settings, seed: u64) -> Self {
         let n = system.n();
         let zero = || vec![[0.0; 3]; n];
-        let rays = if settings.rays == 0 { (16 * n as u64).clamp(1 << 16, 1 << 22) } else { u64::from(settings.rays) };
+        let rays = if settings.rays == 0 { (8 * n as u64).clamp(1 << 16, 1 << 22) } else { u64::from(settings.rays) };
         let mut stochastic = Self {
             seed: rng::key(&[seed, 0x7374_6F63]),
             settings,
@@ -151,14 +151,14 @@ impl Stochastic {
         for j in 0..system.n() {
             self.used[j] = self.used[j].wrapping_add(rays[j]);
             for (c, power) in next[j].iter().enumerate() {
-                let arriving = power / system.area[j];
+                let arriving = if system.area[j] > 0.0 { power / system.area[j] } else { 0.0 };
                 self.irradiance[j][c] += arriving;
                 self.unshot[j][c] = system.reflectance[j][c] * arriving;
             }
         }
         // Less than one ray is left: the round is over.
         let left: f64 = (0..system.n()).map(|i| self.weight(system, i)).sum();
-        if left <= self.quantum {
+        if left <= self.quantum || total == 0 {
             self.finish(system);
         }
         self.read(system, unknowns, row_sums);
