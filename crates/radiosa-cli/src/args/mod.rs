@@ -10,7 +10,7 @@ pub(crate) use measure::{Measure, MeasureMethod};
 pub(crate) use picture::{
     Cull, Filter, Fresnel, Interpolation, Method, OnOff, Picture, SceneChanges, TextureFilter, ToneMap, Up, Viewer,
 };
-pub(crate) use radiosity::{Radiosity, Solver, Spread};
+pub(crate) use radiosity::{Order, Radiosity, Solver, Spread};
 pub(crate) use sheet::Sheet;
 pub(crate) use value::{Emitters, Exposure, Size, parse_color};
 

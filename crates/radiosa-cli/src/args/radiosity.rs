@@ -17,12 +17,32 @@ pub(crate) struct Radiosity {
     pub(crate) element_size: Option<f64>,
 
     /// How the radiosity equation is solved
-    #[arg(long, value_enum, default_value_t = Solver::GaussSeidel)]
+    #[arg(long, value_enum, default_value_t = Solver::Auto)]
     pub(crate) solver: Solver,
 
-    /// Stop when no radiosity changes by more than this part of the largest
+    /// Stop when the residual is this part of all radiosity (gathering, shooting)
     #[arg(long, value_name = "X", default_value_t = 1e-6, value_parser = parse_scale)]
     pub(crate) residual: f64,
+
+    /// Stop when this part of the emitted power is left unshot (shooting) [default: never]
+    #[arg(long, value_name = "X", value_parser = parse_scale)]
+    pub(crate) unshot: Option<f64>,
+
+    /// Stop at this relative standard error of irradiances (stochastic)
+    #[arg(long, value_name = "X", default_value_t = 0.03, value_parser = parse_scale)]
+    pub(crate) error: f64,
+
+    /// Who shoots next
+    #[arg(long, value_enum, default_value_t = Order::Power)]
+    pub(crate) order: Order,
+
+    /// Elements shoot in blocks of N×N (substructuring)
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub(crate) block: u32,
+
+    /// Rays of the first iteration of the stochastic solver [default: by the number of elements]
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    pub(crate) rays: u32,
 
     /// Rings of quadrilaterals made of a sphere
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(2..=256))]
@@ -35,10 +55,26 @@ pub(crate) struct Radiosity {
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Solver {
+    /// Gauss-Seidel up to 12 000 elements, stochastic beyond
+    Auto,
     /// Gathering, from the sweep before
     Jacobi,
     /// Gathering, from the newest values
     GaussSeidel,
+    /// Progressive refinement: what has most to give gives first
+    Shooting,
+    /// Rays instead of form factors
+    Stochastic,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Order {
+    /// The most unshot power first
+    Power,
+    /// The largest unshot radiosity first
+    Radiosity,
+    /// One after the other
+    Cyclic,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]

@@ -129,15 +129,18 @@ fn spectrum(v: [f64; 3]) -> Spectrum {
 /// A value at the corners of every element from one value each.
 pub(super) fn corner_values(world: &World, mesh: &ElementMesh, values: &[[f64; 3]]) -> Vec<[Spectrum; 4]> {
     let mut corners = vec![[Spectrum::BLACK; 4]; values.len()];
-    for (patch, grid) in mesh.patches().iter().zip(mesh.grids()) {
+    for (patch_index, (patch, grid)) in mesh.patches().iter().zip(mesh.grids()).enumerate() {
         for side in [Side::Front, Side::Back] {
             let Some(first) = grid.first[side as usize] else { continue };
             let n = grid.n.map(|n| n as usize);
-            let range = first as usize..first as usize + n[0] * n[1];
+            let range = first as usize..first as usize + mesh.n_on_side(patch_index);
             let weighed = values[range.clone()].iter().zip(&mesh.elements()[range.clone()]);
             let cells: Vec<Cell> = weighed.map(|(value, e)| Cell { value: *value, weight: e.exposed() }).collect();
             let out = &mut corners[range];
-            if patch.is_quad() {
+            if mesh.is_split(patch_index) {
+                // Corners of parts of different sizes: means of what meets there ([`join`]).
+                out.iter_mut().zip(&cells).for_each(|(corners, cell)| *corners = [spectrum(cell.value); 4]);
+            } else if patch.is_quad() {
                 of_quad(n, &cells, side, out);
             } else {
                 of_triangle(n[0], &cells, side, out);
@@ -253,10 +256,11 @@ fn join(world: &World, mesh: &ElementMesh, corners: &mut [[Spectrum; 4]]) {
             let (mut sum, mut n) = (Spectrum::BLACK, 0.0);
             for (other, &(f, _)) in place.iter().enumerate() {
                 let b = &elements[f as usize];
-                let together = other == own || {
-                    let same = mesh.patches()[b.patch as usize].instance == instance;
-                    a.normal.dot(b.normal) > if smooth[instance.index()] && same { SMOOTH } else { COPLANAR }
-                };
+                let together = other == own
+                    || b.exposed() > 0.0 && {
+                        let same = mesh.patches()[b.patch as usize].instance == instance;
+                        a.normal.dot(b.normal) > if smooth[instance.index()] && same { SMOOTH } else { COPLANAR }
+                    };
                 if together {
                     sum += old[other];
                     n += 1.0;

@@ -21,6 +21,8 @@ use crate::transport::{Surface, World};
 const SIDE: usize = 4;
 /// Points of every element.
 const POINTS: usize = SIDE * SIDE;
+/// Larger meshes have small elements, and this would take long: everything counts as exposed there.
+const MOST: usize = 1 << 18;
 /// Rays from each point that look for others.
 const RAYS: u32 = 6;
 
@@ -28,7 +30,7 @@ const RAYS: u32 = 6;
 pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight) -> Vec<u64> {
     let elements = mesh.elements();
     let n = elements.len() * POINTS;
-    if u32::try_from(n).is_err() {
+    if elements.len() > MOST {
         return vec![!0; elements.len()];
     }
     let start = |e: usize, k: usize| start_of(world, mesh, &elements[e], e, k);

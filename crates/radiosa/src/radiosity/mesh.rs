@@ -19,6 +19,9 @@ use crate::transport::{Surface, World};
 /// Cells along one edge of a patch at most.
 const MAX_CELLS: u32 = 1024;
 
+/// Parts along one edge of a cell at most.
+const MAX_PARTS: u32 = 64;
+
 /// How surfaces are divided.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -56,6 +59,8 @@ pub struct Element {
     pub side: Side,
     /// Cell within the patch's grid.
     pub cell: u32,
+    /// Part of the cell, which is divided like a patch of its own; 0 when it is whole.
+    pub part: u32,
     /// Unit, on the side that emits and receives.
     pub normal: DVec3,
     /// The area that light can reach (`exposure`), m².
@@ -128,12 +133,36 @@ pub struct Grid {
     pub first: [Option<u32>; 2],
 }
 
+/// Cells of a grid divided again, into `k × k` parts each.
+#[derive(Clone, Debug, PartialEq)]
+struct Splits {
+    /// Parts along an edge, by cell.
+    k: Vec<u32>,
+    /// Parts of the cells before, by cell; at the end the number of all.
+    starts: Vec<u32>,
+}
+
+impl Splits {
+    fn new(k: Vec<u32>) -> Self {
+        let mut starts = vec![0];
+        starts.extend(k.iter().scan(0, |sum, k| {
+            *sum += k * k;
+            Some(*sum)
+        }));
+        Self { k, starts }
+    }
+}
+
 /// All surfaces of a world, divided.
 #[derive(Clone, Debug)]
 pub struct ElementMesh {
     patches: Patches,
     grids: Vec<Grid>,
+    /// By patch; none where every cell is whole.
+    splits: Vec<Option<Splits>>,
     elements: Vec<Element>,
+    /// Elements know which of their points light can reach.
+    knows_exposed: bool,
 }
 
 impl ElementMesh {
@@ -146,34 +175,74 @@ impl ElementMesh {
             Sides::Front => vec![[true, false]; patches.patches.len()],
         };
         let size = settings.size.unwrap_or_else(|| size_for(&patches.patches, &kept, settings.elements));
-        let mut mesh = Self { grids: Vec::with_capacity(patches.patches.len()), patches, elements: Vec::new() };
-        for (p, kept) in kept.iter().enumerate() {
+        let grids = patches.patches.iter().map(|patch| (cells(patch, size), None));
+        let grids = grids.collect();
+        let mut mesh = Self::build(patches, &kept, grids);
+        if settings.sides == Sides::Lit {
+            mesh.expose(world, direct);
+        }
+        mesh
+    }
+
+    /// Elements over given grids.
+    fn build(patches: Patches, kept: &[[bool; 2]], grids: Vec<([u32; 2], Option<Splits>)>) -> Self {
+        let mut mesh = Self { grids: Vec::new(), splits: Vec::new(), patches, elements: Vec::new(), knows_exposed: false };
+        for (p, (n, splits)) in grids.into_iter().enumerate() {
             let patch = mesh.patches.patches[p];
-            let n = cells(&patch, size);
             let mut grid = Grid { n, first: [None; 2] };
-            for side in [Side::Front, Side::Back] {
-                if kept[side as usize] {
-                    grid.first[side as usize] = Some(mesh.elements.len() as u32);
-                    let of_cell = |cell| element(&patch, n, cell, p as u32, side);
-                    mesh.elements.extend((0..n[0] * n[1]).map(of_cell));
+            for side in [Side::Front, Side::Back].into_iter().filter(|&side| kept[p][side as usize]) {
+                grid.first[side as usize] = Some(mesh.elements.len() as u32);
+                for cell in 0..n[0] * n[1] {
+                    let whole = element(&patch, n, 1, cell, p as u32, side);
+                    match splits.as_ref().map(|s| s.k[cell as usize]) {
+                        None | Some(1) => mesh.elements.push(whole),
+                        Some(k) => mesh.elements.extend((0..k * k).map(|part| part_of(&whole, k, part))),
+                    }
                 }
             }
             mesh.grids.push(grid);
-        }
-        if settings.sides == Sides::Lit {
-            let exposed = exposure::exposed(world, &mesh, direct);
-            for (element, bits) in mesh.elements.iter_mut().zip(exposed) {
-                element.exposed = bits;
-                element.area = element.whole_area * f64::from(bits.count_ones()) / POINTS as f64;
-            }
+            mesh.splits.push(splits);
         }
         mesh
+    }
+
+    /// Finds out which points of elements light can reach.
+    fn expose(&mut self, world: &World, direct: &DirectLight) {
+        for (element, bits) in exposure::exposed(world, self, direct).into_iter().enumerate() {
+            let element = &mut self.elements[element];
+            element.exposed = bits;
+            element.area = element.whole_area * f64::from(bits.count_ones()) / POINTS as f64;
+        }
+        self.knows_exposed = true;
     }
 
     /// Its material emits on that side.
     pub(super) fn emits(&self, world: &World, element: &Element) -> bool {
         let material = world.material(self.patches.patches[element.patch as usize].material);
         material.is_emissive() && (element.side == Side::Front || material.two_sided)
+    }
+
+    /// The same mesh with the cells of some elements, marked by index, divided twice as finely along each edge.
+    pub fn refined(&self, world: &World, direct: &DirectLight, marked: &[bool]) -> Self {
+        let mut k: Vec<Option<Vec<u32>>> = self.splits.iter().map(|s| s.as_ref().map(|s| s.k.clone())).collect();
+        let mut is_new: Vec<Vec<bool>> = vec![Vec::new(); self.grids.len()];
+        for element in self.elements.iter().zip(marked).filter(|(_, marked)| **marked).map(|(e, _)| e) {
+            let p = element.patch as usize;
+            let n = (self.grids[p].n[0] * self.grids[p].n[1]) as usize;
+            is_new[p].resize(n, false);
+            // Several parts and both sides may ask for it.
+            if !std::mem::replace(&mut is_new[p][element.cell as usize], true) {
+                let k = &mut k[p].get_or_insert_with(|| vec![1; n])[element.cell as usize];
+                *k = (2 * *k).min(MAX_PARTS);
+            }
+        }
+        let kept: Vec<_> = self.grids.iter().map(|g| g.first.map(|f| f.is_some())).collect();
+        let grids = self.grids.iter().zip(k).map(|(g, k)| (g.n, k.map(Splits::new))).collect();
+        let mut mesh = Self::build(self.patches.clone(), &kept, grids);
+        if self.knows_exposed {
+            mesh.expose(world, direct);
+        }
+        mesh
     }
 
     /// In the order of patches; of one patch the front before the back.
@@ -193,43 +262,67 @@ impl ElementMesh {
 
     /// The element a ray of direction `dir` met at `p`; `None` on a side that takes no part, and on what has no patches.
     pub fn element_at(&self, hit: &Hit, p: Vec3, dir: Vec3) -> Option<u32> {
-        let index = self.patches.of_triangle(InstanceId(hit.instance), hit.primitive)?;
-        let patch = &self.patches.patches[index as usize];
-        let side = if area_vector(patch.corners()).dot(dir.as_dvec3()) <= 0.0 { Side::Front } else { Side::Back };
-        let grid = &self.grids[index as usize];
-        let first = grid.first[side as usize]?;
-        let [s, t] = if grid.n == [1, 1] { [0.0; 2] } else { patch.parameters(p.as_dvec3()) };
-        Some(first + cell_at(patch, grid.n, [s, t]))
+        let (index, side) = self.side_at(hit, dir)?;
+        self.element_on(index, side, p.as_dvec3())
     }
 
-    /// The element a ray of direction `dir` met at `p`, and the weights of its corners there, which sum to one: bilinear in a quadrilateral's cell,
-    /// barycentric in a triangle's (the fourth is zero).
+    /// The element of a patch's side at a point of it; the nearest in parameters where the point lies outside.
+    pub fn element_on(&self, index: u32, side: Side, p: DVec3) -> Option<u32> {
+        self.locate(index, side, p).map(|(element, _)| element)
+    }
+
+    /// The same with the point's parameters within the element, along its own corners: those of [`Patch::at`].
+    fn locate(&self, index: u32, side: Side, p: DVec3) -> Option<(u32, [f64; 2])> {
+        let patch = &self.patches.patches[index as usize];
+        let grid = &self.grids[index as usize];
+        let first = grid.first[side as usize]?;
+        let (cell, within) = cell_at(patch.is_quad(), grid.n, patch.parameters(p));
+        // (The back's corners run the other way.)
+        let within = if side == Side::Back { reversed(patch.is_quad(), within) } else { within };
+        let Some(splits) = &self.splits[index as usize] else { return Some((first + cell, within)) };
+        let k = splits.k[cell as usize];
+        let (part, within) = cell_at(patch.is_quad(), [k; 2], within);
+        Some((first + splits.starts[cell as usize] + part, within))
+    }
+
+    /// The element a ray of direction `dir` met at `p`, and the weights of its corners there, which sum to one: bilinear in a quadrilateral,
+    /// barycentric in a triangle (the fourth is zero).
     pub fn weights_at(&self, hit: &Hit, p: Vec3, dir: Vec3) -> Option<(u32, [f32; 4])> {
-        let index = self.element_at(hit, p, dir)?;
-        let element = &self.elements[index as usize];
-        let patch = &self.patches.patches[element.patch as usize];
-        let n = self.grids[element.patch as usize].n;
-        let [s, t] = patch.parameters(p.as_dvec3());
-        let (x, y) = (s * f64::from(n[0]), t * f64::from(n[1]));
-        let mut weights = if patch.is_quad() {
-            let (i, j) = (element.cell % n[0], element.cell / n[0]);
-            let (s, t) = ((x - f64::from(i)).clamp(0.0, 1.0), (y - f64::from(j)).clamp(0.0, 1.0));
+        let (index, side) = self.side_at(hit, dir)?;
+        let (element, [s, t]) = self.locate(index, side, p.as_dvec3())?;
+        let (s, t) = (s.clamp(0.0, 1.0), t.clamp(0.0, 1.0));
+        let weights = if self.elements[element as usize].n_corners == 4 {
             [(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t]
         } else {
-            let (i, j, upper) = triangle_cell(n[0], element.cell);
-            let (s, t) = ((x - f64::from(i)).clamp(0.0, 1.0), (y - f64::from(j)).clamp(0.0, 1.0));
-            // The one turned around has the corners (1, 0), (1, 1), (0, 1).
-            if upper { [1.0 - t, s + t - 1.0, 1.0 - s, 0.0] } else { [1.0 - s - t, s, t, 0.0] }
+            [(1.0 - s - t).max(0.0), s, t, 0.0]
         };
-        if element.side == Side::Back {
-            weights[..usize::from(element.n_corners)].reverse();
-        }
-        Some((index, weights.map(|w| w as f32)))
+        Some((element, weights.map(|w| w as f32)))
+    }
+
+    /// The patch a ray of direction `dir` met, and from which side.
+    fn side_at(&self, hit: &Hit, dir: Vec3) -> Option<(u32, Side)> {
+        let index = self.patches.of_triangle(InstanceId(hit.instance), hit.primitive)?;
+        let front = area_vector(self.patches.patches[index as usize].corners());
+        Some((index, if front.dot(dir.as_dvec3()) <= 0.0 { Side::Front } else { Side::Back }))
+    }
+
+    /// Some cells of the patch are divided again.
+    pub(super) fn is_split(&self, patch: usize) -> bool {
+        self.splits[patch].is_some()
+    }
+
+    /// How many elements a side of a patch has.
+    pub(super) fn n_on_side(&self, patch: usize) -> usize {
+        let grid = &self.grids[patch];
+        self.splits[patch].as_ref().map_or(grid.n[0] * grid.n[1], |s| s.starts.last().copied().unwrap_or(0)) as usize
     }
 
     /// No corner of the element lies on the border of its patch.
     pub(super) fn is_inner(&self, element: &Element) -> bool {
         let n = self.grids[element.patch as usize].n;
+        if self.is_split(element.patch as usize) {
+            return false;
+        }
         if self.patches.patches[element.patch as usize].is_quad() {
             let (i, j) = (element.cell % n[0], element.cell / n[0]);
             i > 0 && j > 0 && i + 1 < n[0] && j + 1 < n[1]
@@ -315,38 +408,50 @@ fn size_for(patches: &[Patch], kept: &[[bool; 2]], wanted: u32) -> f64 {
     high
 }
 
-/// Cell `(i, j)`: a square of the grid; in a triangle `upper` names the one turned around.
-fn element(patch: &Patch, n: [u32; 2], cell: u32, index: u32, side: Side) -> Element {
-    let corner = |i: u32, j: u32| patch.at([f64::from(i) / f64::from(n[0]), f64::from(j) / f64::from(n[1])]);
-    let (mut corners, n_corners) = if patch.is_quad() {
-        let (i, j) = (cell % n[0], cell / n[0]);
-        ([corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)], 4)
-    } else {
-        let (i, j, upper) = triangle_cell(n[0], cell);
-        let c = if upper {
-            [corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)]
-        } else {
-            [corner(i, j), corner(i + 1, j), corner(i, j + 1)]
-        };
-        ([c[0], c[1], c[2], c[2]], 3)
-    };
+/// Cell `(i, j)` of the grid, or of the one of every `step`-th line.
+fn element(patch: &Patch, n: [u32; 2], step: u32, cell: u32, index: u32, side: Side) -> Element {
+    let line = |i: u32, n: u32| f64::from((i * step).min(n)) / f64::from(n);
+    let (mut corners, n_corners) =
+        cell_corners(patch.is_quad(), n.map(|n| n.div_ceil(step)), cell, |i, j| patch.at([line(i, n[0]), line(j, n[1])]));
     if side == Side::Back {
         corners[..n_corners].reverse();
         corners[3] = corners[n_corners - 1];
     }
-    let area = area_vector(&corners[..n_corners]);
-    let length = area.length();
-    Element {
+    let whole = Element {
         patch: index,
         side,
         cell,
-        normal: area / length,
-        area: length,
-        whole_area: length,
+        part: 0,
+        normal: DVec3::ZERO,
+        area: 0.0,
+        whole_area: 0.0,
         corners,
         n_corners: n_corners as u8,
         exposed: !0,
+    };
+    with_area(&whole, corners, n_corners)
+}
+
+/// The corners of a cell of an `n[0] × n[1]` grid: a square; in a triangle every other one is turned around.
+fn cell_corners(is_quad: bool, n: [u32; 2], cell: u32, corner: impl Fn(u32, u32) -> DVec3) -> ([DVec3; 4], usize) {
+    if is_quad {
+        let (i, j) = (cell % n[0], cell / n[0]);
+        return ([corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)], 4);
     }
+    let (i, j, upper) = triangle_cell(n[0], cell);
+    let c = if upper {
+        [corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)]
+    } else {
+        [corner(i, j), corner(i + 1, j), corner(i, j + 1)]
+    };
+    ([c[0], c[1], c[2], c[2]], 3)
+}
+
+/// An element like another, with other corners.
+fn with_area(like: &Element, corners: [DVec3; 4], n_corners: usize) -> Element {
+    let area = area_vector(&corners[..n_corners]);
+    let length = area.length();
+    Element { corners, n_corners: n_corners as u8, normal: area / length, area: length, whole_area: length, ..*like }
 }
 
 /// The row `j`, the column `i` and the kind of a cell of a triangle with `n` cells along each edge. Row `j` has `2 (n − j) − 1` cells.
@@ -363,18 +468,109 @@ pub(super) fn triangle_cell(n: u32, cell: u32) -> (u32, u32, bool) {
     (k / 2, j, k % 2 == 1)
 }
 
-/// The cell that parameters fall into.
-fn cell_at(patch: &Patch, n: [u32; 2], [s, t]: [f64; 2]) -> u32 {
+/// The cell that parameters fall into, and the parameters within it.
+fn cell_at(is_quad: bool, n: [u32; 2], [s, t]: [f64; 2]) -> (u32, [f64; 2]) {
     let (x, y) = (s * f64::from(n[0]), t * f64::from(n[1]));
     let (i, j) = ((x as u32).min(n[0] - 1), (y as u32).min(n[1] - 1));
-    if patch.is_quad() {
-        return j * n[0] + i;
+    if is_quad {
+        return (j * n[0] + i, [x - f64::from(i), y - f64::from(j)]);
     }
     let n = n[0];
-    let (fx, fy) = (x - f64::from(i), y - f64::from(j));
     let i = i.min(n - 1 - j);
+    let (fx, fy) = (x - f64::from(i), y - f64::from(j));
     let upper = fx + fy > 1.0 && i + j + 1 < n;
-    j * (2 * n - j) + 2 * i + u32::from(upper)
+    // The one turned around starts at its corner (1, 0), with edges to (1, 1) and (0, 1).
+    let [a, b] = if upper { [fx + fy - 1.0, 1.0 - fx] } else { [fx, fy] };
+    let over = (a.max(0.0) + b.max(0.0)).max(1.0);
+    (j * (2 * n - j) + 2 * i + u32::from(upper), [a, b].map(|v| v.max(0.0) / over))
+}
+
+/// Parameters of a cell, for its corners in reverse order.
+fn reversed(is_quad: bool, [s, t]: [f64; 2]) -> [f64; 2] {
+    // a b c d becomes d c b a, and a b c becomes c b a.
+    if is_quad { [s, 1.0 - t] } else { [s, (1.0 - s - t).max(0.0)] }
+}
+
+/// Part `part` of `k × k` of a cell.
+fn part_of(whole: &Element, k: u32, part: u32) -> Element {
+    let c = whole.corners;
+    let patch = |[s, t]: [f64; 2]| {
+        if whole.n_corners == 4 {
+            (c[0] * (1.0 - s) + c[1] * s) * (1.0 - t) + (c[3] * (1.0 - s) + c[2] * s) * t
+        } else {
+            c[0] + (c[1] - c[0]) * s + (c[2] - c[0]) * t
+        }
+    };
+    let (corners, n_corners) =
+        cell_corners(whole.n_corners == 4, [k; 2], part, |i, j| patch([i, j].map(|i| f64::from(i) / f64::from(k))));
+    Element { part, ..with_area(whole, corners, n_corners) }
+}
+
+/// Who sends light out: every element for itself, or blocks of neighbours together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Blocks {
+    /// Where a mesh with blocks has the first of them.
+    first: u32,
+    /// Block `s` has the elements `members[starts[s]..starts[s + 1]]`.
+    starts: Vec<u32>,
+    members: Vec<u32>,
+}
+
+impl Blocks {
+    /// Every one of `n` elements for itself.
+    pub fn single(n: usize) -> Self {
+        Self { first: 0, starts: (0..=n as u32).collect(), members: (0..n as u32).collect() }
+    }
+
+    /// How many there are.
+    pub fn n(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// The elements of block `s`.
+    pub fn members(&self, s: usize) -> impl Iterator<Item = usize> {
+        self.members[self.starts[s] as usize..self.starts[s + 1] as usize].iter().map(|&i| i as usize)
+    }
+
+    /// The index of block `s` as an element.
+    pub fn element(&self, s: u32) -> u32 {
+        self.first + s
+    }
+}
+
+impl ElementMesh {
+    /// The same mesh with blocks of `k × k` cells as elements of their own behind the others (in triangles of as many as divide their grid). Rays meet
+    /// the others alone.
+    pub fn with_blocks(&self, k: u32) -> (Self, Blocks) {
+        let mut mesh = self.clone();
+        let mut blocks = Blocks { first: self.elements.len() as u32, starts: vec![0], members: Vec::new() };
+        for (p, grid) in self.grids.iter().enumerate() {
+            let (patch, n) = (&self.patches.patches[p], grid.n);
+            let step = if patch.is_quad() { k.max(1) } else { (1..=k.max(1)).rev().find(|d| n[0] % d == 0).unwrap_or(1) };
+            let m = n.map(|n| n.div_ceil(step));
+            let cells = if patch.is_quad() { m[0] * m[1] } else { m[0] * m[0] };
+            for (first, side) in grid.first.into_iter().zip([Side::Front, Side::Back]) {
+                let Some(first) = first else { continue };
+                let mut of_block = vec![Vec::new(); cells as usize];
+                let count = self.splits[p].as_ref().and_then(|s| s.starts.last().copied()).unwrap_or(n[0] * n[1]);
+                for i in first..first + count {
+                    let element = &self.elements[i as usize];
+                    let block = if patch.is_quad() {
+                        element.cell / n[0] / step * m[0] + element.cell % n[0] / step
+                    } else {
+                        cell_at(false, m, patch.parameters(element.centre())).0
+                    };
+                    of_block[block as usize].push(i);
+                }
+                for (cell, members) in of_block.into_iter().enumerate() {
+                    mesh.elements.push(element(patch, n, step, cell as u32, p as u32, side));
+                    blocks.members.extend(members);
+                    blocks.starts.push(blocks.members.len() as u32);
+                }
+            }
+        }
+        (mesh, blocks)
+    }
 }
 
 /// What a surface is made of, averaged over one element.

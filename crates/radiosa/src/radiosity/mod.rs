@@ -7,6 +7,7 @@
 //!   │  direct, system          what elements are made of, and what lights that are not surfaces bring them
 //!   │  solve                   B = E + ρ F B
 //! Solution                     radiosity and irradiance of every element
+//!   │  refine                  elements divided where that light varies, and again
 //!   │  gather, display         at a point; as a picture
 //! ```
 //!
@@ -20,6 +21,7 @@ pub mod gather;
 pub mod matrix;
 pub mod mesh;
 pub mod patch;
+pub mod refine;
 mod sides;
 pub mod solution;
 pub mod solve;
@@ -27,5 +29,5 @@ pub mod system;
 mod tessellate;
 
 pub use sides::Side;
-pub use solution::{Settings, Solution, solve};
+pub use solution::{Division, Radiosity, Settings, Solution, solve};
 pub use tessellate::tessellate;

@@ -3,15 +3,17 @@
 use rayon::prelude::*;
 
 use super::direct::DirectLight;
-use super::form_factor::{Estimator, Factors, Row, Scratch};
+use super::form_factor::{Estimator, Factors, Row};
 use super::matrix::Matrix;
-use super::mesh::{self, ElementMesh};
-use super::solve::gathering::{Gathering, Sweep};
+use super::mesh::{self, Blocks, ElementMesh};
+use super::solve::gathering::{self, Sweep};
+use super::solve::shooting::Shooting;
+use super::solve::stochastic::Stochastic;
 use super::solve::{History, Record, Solver as Method, Stop};
-use super::system::{Balance, System};
+use super::system::{Balance, System, Unknowns};
 use crate::scene::Light;
 use crate::spectrum::Spectrum;
-use crate::transport::World;
+use crate::transport::{Solver, Step, World};
 
 /// How a world is solved.
 #[derive(Clone, Debug, Default)]
@@ -41,9 +43,13 @@ pub struct Solution {
     pub radiosity: Vec<[f64; 3]>,
     /// H_i, W/m² or lux, by element, light of every origin.
     pub irradiance: Vec<[f64; 3]>,
-    /// `Σ_j F_ij` as estimated, by element.
+    /// The part of B_i that has not been sent out yet.
+    pub unshot: Vec<[f64; 3]>,
+    /// Standard errors of H_i, by element, for solvers that leave something to chance; else empty. Those of B_i are ρ_i times as large.
+    pub irradiance_error: Vec<[f64; 3]>,
+    /// `Σ_j F_ij` as estimated, by element; not a number while unknown.
     pub row_sums: Vec<f64>,
-    /// Form factors above zero.
+    /// Form factors above zero in the matrix.
     pub n_factors: usize,
     /// Where the power went.
     pub balance: Balance,
@@ -51,55 +57,253 @@ pub struct Solution {
     pub history: History,
 }
 
+impl Solution {
+    /// Radiosities with unshot light spread evenly over all surfaces, for pictures of solutions on their way: `B_i + ρ_i Amb` ([`System::ambient`]).
+    pub fn with_ambient(&self) -> Vec<[f64; 3]> {
+        let ambient = self.system.ambient(&self.unshot);
+        let shown = |(b, rho): (&[f64; 3], &[f64; 3])| std::array::from_fn(|c| b[c] + rho[c] * ambient[c]);
+        self.radiosity.iter().zip(&self.system.reflectance).map(shown).collect()
+    }
+}
+
 /// What the surfaces of a world are, over a mesh.
 pub fn system(world: &World, mesh: &ElementMesh, direct: &DirectLight) -> System {
     let rgb = |s: Spectrum| [s.r, s.g, s.b].map(f64::from);
     let matter: Vec<_> = mesh.elements().par_iter().map(|e| mesh.matter(world, e)).collect();
-    System {
+    let mut system = System {
         area: mesh.elements().iter().map(|e| e.area).collect(),
         // Beyond one nothing would converge.
         reflectance: matter.iter().map(|m| rgb(m.reflectance).map(|r| r.clamp(0.0, 1.0))).collect(),
         emission: matter.iter().map(|m| rgb(m.emission)).collect(),
         direct: direct.irradiance(mesh),
+    };
+    // Slivers of no area have no normal, and nothing that depends on one.
+    for (i, element) in mesh.elements().iter().enumerate() {
+        let values = [&mut system.reflectance[i], &mut system.emission[i], &mut system.direct[i]];
+        if !element.normal.is_finite() || values.iter().any(|v| v.iter().any(|v| !v.is_finite())) {
+            values.into_iter().for_each(|v| *v = [0.0; 3]);
+        }
     }
+    system
 }
 
 /// Solves a world at once.
 pub fn solve(world: &World, settings: &Settings) -> Solution {
-    let direct = DirectLight::new(world, &settings.extra_lights, settings.seed);
-    let mesh = ElementMesh::new(world, &settings.mesh, &direct);
-    let system = system(world, &mesh, &direct);
-    let factors = Factors::new(world, &mesh, &settings.estimator, settings.seed);
-    let matrix = factors.matrix();
-    let row_sums: Vec<f64> = (0..system.n()).into_par_iter().map(|i| matrix.row_sum(i)).collect();
-    let sweep = match settings.solver {
-        Method::Jacobi => Sweep::Jacobi,
-        Method::GaussSeidel => Sweep::GaussSeidel,
-    };
-    let mut gathering = Gathering::new(&system, &matrix, sweep);
-    let mut history = History::default();
-    for step in 1..=settings.stop.steps {
-        let residual = gathering.step();
-        history.records.push(Record { step, residual });
-        if residual <= settings.stop.residual {
-            break;
-        }
-    }
-    let (radiosity, irradiance) = (gathering.radiosity().to_vec(), gathering.irradiance());
-    let unshot: Vec<[f64; 3]> = vec![[0.0; 3]; system.n()];
-    let balance = system.balance(&row_sums, &irradiance, &radiosity, &unshot);
-    Solution { n_factors: matrix.n_entries(), mesh, radiosity, irradiance, row_sums, balance, history, system }
+    let division = Division::new(world, settings);
+    let mut radiosity = Radiosity::new(world, &division, settings);
+    while let Step::Working { .. } = radiosity.step(world) {}
+    radiosity.into_solution()
 }
 
-/// Rows as estimated one by one, for what wants no symmetry.
-pub fn rows(factors: &Factors) -> Matrix {
-    let rows: Vec<Row> = (0..factors.mesh().elements().len() as u32)
-        .into_par_iter()
-        .map_init(Scratch::default, |scratch, i| {
-            let mut row = Row::new();
-            factors.row(i, &mut row, scratch);
-            row
-        })
-        .collect();
-    Matrix::from_rows(&rows)
+/// The elements of a world, and the blocks of them that shoot.
+#[derive(Debug)]
+pub struct Division {
+    mesh: ElementMesh,
+    /// The mesh with blocks as elements behind the others, where they are more than single elements.
+    with_blocks: Option<(ElementMesh, Blocks)>,
+}
+
+impl Division {
+    /// Divides the surfaces of a world.
+    pub fn new(world: &World, settings: &Settings) -> Self {
+        let direct = DirectLight::new(world, &settings.extra_lights, settings.seed);
+        Self::of(ElementMesh::new(world, &settings.mesh, &direct), &settings.solver)
+    }
+
+    /// Of a mesh as it is.
+    pub fn of(mesh: ElementMesh, solver: &Method) -> Self {
+        let with_blocks = match solver {
+            Method::Shooting(s) if s.block > 1 => Some(mesh.with_blocks(s.block)),
+            _ => None,
+        };
+        Self { mesh, with_blocks }
+    }
+
+    /// The elements.
+    pub fn mesh(&self) -> &ElementMesh {
+        &self.mesh
+    }
+}
+
+/// Rows of the matrix found in one step.
+const ROWS: usize = 64;
+
+/// A world on its way to its solution: a step is some rows of the matrix, a sweep, a batch of shots or an iteration of rays.
+///
+/// What is known so far can be read after every step, and nothing depends on the number of threads.
+#[derive(Debug)]
+pub struct Radiosity<'a> {
+    /// None for solvers that trace rays.
+    factors: Option<Factors<'a>>,
+    stop: Stop,
+    state: State,
+    n_pairs: u64,
+    n_exchanges: u64,
+    has_converged: bool,
+    solution: Solution,
+}
+
+/// What a solver needs beside the solution so far.
+#[derive(Debug)]
+enum State {
+    /// Elements' shares of the matrix.
+    Factors(Vec<Row>, Sweep),
+    Gathering(Matrix, Sweep),
+    Shooting(Shooting),
+    Stochastic(Stochastic),
+}
+
+impl<'a> Radiosity<'a> {
+    /// Nothing is solved yet: what surfaces are and what other lights bring them.
+    pub fn new(world: &'a World, division: &'a Division, settings: &Settings) -> Self {
+        let direct = DirectLight::new(world, &settings.extra_lights, settings.seed);
+        Self::with_system(world, division, system(world, &division.mesh, &direct), settings)
+    }
+
+    /// With reflectances and emissions other than the world's, over the elements of `division`.
+    pub fn with_system(world: &'a World, division: &'a Division, system: System, settings: &Settings) -> Self {
+        let n = system.n();
+        let (mesh, blocks) = match &division.with_blocks {
+            Some((mesh, blocks)) => (mesh, blocks.clone()),
+            None => (&division.mesh, Blocks::single(n)),
+        };
+        let state = match settings.solver.for_elements(n) {
+            Method::Jacobi => State::Factors(Vec::new(), Sweep::Jacobi),
+            Method::Auto | Method::GaussSeidel => State::Factors(Vec::new(), Sweep::GaussSeidel),
+            Method::Shooting(settings) => State::Shooting(Shooting::new(settings, blocks)),
+            Method::Stochastic(of) => State::Stochastic(Stochastic::new(&system, of, settings.seed)),
+        };
+        let has_factors = !matches!(state, State::Stochastic(_));
+        let mut solution = Solution {
+            mesh: division.mesh.clone(),
+            radiosity: vec![[0.0; 3]; n],
+            irradiance: vec![[0.0; 3]; n],
+            unshot: vec![[0.0; 3]; n],
+            irradiance_error: Vec::new(),
+            row_sums: vec![f64::NAN; n],
+            n_factors: 0,
+            balance: Balance::default(),
+            history: History::default(),
+            system,
+        };
+        let Solution { system, radiosity, irradiance, unshot, row_sums, .. } = &mut solution;
+        Unknowns { radiosity, irradiance, unshot }.start(system);
+        solution.balance = system.balance(row_sums, irradiance, radiosity, unshot);
+        Self {
+            factors: has_factors.then(|| Factors::new(world, mesh, &settings.estimator, settings.seed)),
+            stop: settings.stop,
+            state,
+            n_pairs: 0,
+            n_exchanges: 0,
+            has_converged: false,
+            solution,
+        }
+    }
+
+    /// What has become of it.
+    pub fn into_solution(self) -> Solution {
+        self.solution
+    }
+
+    /// The matrix of form factors, once it is whole and while it is needed.
+    pub fn matrix(&self) -> Option<&Matrix> {
+        match &self.state {
+            State::Gathering(matrix, _) => Some(matrix),
+            _ => None,
+        }
+    }
+
+    /// Some more rows of the matrix, or the whole when all are there. Returns the fraction that is done, by pairs.
+    fn make_matrix(&mut self) -> Option<f64> {
+        let (State::Factors(parts, sweep), Some(factors)) = (&mut self.state, &self.factors) else { return None };
+        let n = self.solution.system.n();
+        if parts.len() < n {
+            let of = parts.len()..(parts.len() + ROWS).min(n);
+            self.n_pairs += of.clone().map(|i| (n - 1 - i) as u64).sum::<u64>();
+            parts.extend(factors.part(of.start as u32..of.end as u32));
+            return Some(self.n_pairs as f64 / (0.5 * n as f64 * (n as f64 - 1.0)).max(1.0));
+        }
+        let matrix = factors.assemble(parts);
+        self.solution.row_sums = (0..n).into_par_iter().map(|i| matrix.row_sum(i)).collect();
+        self.solution.n_factors = matrix.n_entries();
+        self.state = State::Gathering(matrix, *sweep);
+        Some(1.0)
+    }
+
+    /// One step of the solver itself, and its record.
+    fn advance(&mut self, world: &World) -> Record {
+        let before = self.solution.radiosity.clone();
+        let mut error = None;
+        let mut n_rays = 0;
+        let mut escaped = None;
+        let Solution { mesh, system, radiosity, irradiance, unshot, row_sums, irradiance_error, .. } = &mut self.solution;
+        let mut unknowns = Unknowns { radiosity, irradiance, unshot };
+        match (&mut self.state, &self.factors) {
+            (State::Gathering(matrix, sweep), _) => {
+                gathering::step(system, matrix, *sweep, &mut unknowns);
+                self.n_exchanges += matrix.n_entries() as u64 * if *sweep == Sweep::Jacobi { 1 } else { 2 };
+            }
+            (State::Shooting(shooting), Some(factors)) => {
+                let work = shooting.step(system, factors, &mut unknowns, row_sums);
+                self.n_pairs += work.rows * (system.n() as u64 - 1);
+                self.n_exchanges += work.exchanges;
+            }
+            (State::Stochastic(stochastic), _) => {
+                stochastic.step(world, mesh, system, &mut unknowns, row_sums);
+                error = Some(stochastic.error(system));
+                n_rays = stochastic.n_rays;
+                escaped = Some(stochastic.escaped());
+                *irradiance_error = stochastic.standard_errors();
+            }
+            _ => unreachable!("matrices are made before, and shooters have factors"),
+        }
+        let mut balance = system.balance(row_sums, unknowns.irradiance, unknowns.radiosity, unknowns.unshot);
+        if let Some(escaped) = escaped {
+            balance.escaped = escaped;
+        }
+        let change = before.iter().zip(unknowns.radiosity.iter()).flat_map(|(a, b)| (0..3).map(move |c| (a[c] - b[c]).abs()));
+        let (change, residual) = (change.fold(0.0, f64::max), unknowns.residual(system));
+        let step = self.solution.history.records.len() as u32 + 1;
+        Record { step, residual, change, balance, error, n_pairs: self.n_pairs, n_exchanges: self.n_exchanges, n_rays }
+    }
+}
+
+/// Of the whole, what making the matrix takes.
+const MATRIX: f64 = 0.95;
+
+impl Solver for Radiosity<'_> {
+    type Solution = Solution;
+
+    fn step(&mut self, world: &World) -> Step {
+        if self.has_converged {
+            return Step::Converged;
+        }
+        if let Some(done) = self.make_matrix() {
+            return Step::Working { done: MATRIX * done };
+        }
+        let record = self.advance(world);
+        self.solution.balance = record.balance;
+        self.solution.history.records.push(record);
+        self.has_converged = self.stop.is_reached(&record);
+        if self.has_converged {
+            return Step::Converged;
+        }
+        let first = &self.solution.history.records[0];
+        let way = |from: f64, now: f64, to: f64| {
+            let done = libm::log(from / now) / libm::log(from / to);
+            if done.is_finite() { done.clamp(0.0, 1.0) } else { 0.0 }
+        };
+        let done = match record.error {
+            Some(error) => (self.stop.error / error).powi(2).min(1.0),
+            None => way(first.residual, record.residual, self.stop.residual)
+                .max(way(first.change, record.change, self.stop.change))
+                .max(way(first.unshot(), record.unshot(), self.stop.unshot)),
+        };
+        let matrix = if matches!(self.state, State::Gathering(..)) { MATRIX } else { 0.0 };
+        Step::Working { done: matrix + (1.0 - matrix) * done }
+    }
+
+    fn solution(&self) -> &Solution {
+        &self.solution
+    }
 }

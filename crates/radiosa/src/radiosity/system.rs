@@ -6,6 +6,14 @@
 //!
 //! B radiosity, E emission, ρ reflectance, H irradiance, D the irradiance from lights that are not surfaces; three channels are three systems of one
 //! geometry. Source: [Goral84].
+//!
+//! While it is being solved, some of B has not been sent out yet: the unshot part U. Every solver keeps
+//!
+//! ```text
+//! B = E + ρ H,   H = D + F (B − U)
+//! ```
+//!
+//! so that U is the residual, and emitted = absorbed + escaped + unshot holds at every step.
 
 use super::matrix::Matrix;
 
@@ -33,6 +41,38 @@ pub struct Balance {
     pub escaped: [f64; 3],
     /// Not yet on its way.
     pub unshot: [f64; 3],
+}
+
+/// What a solver works on: columns of the length of the system's.
+#[derive(Debug)]
+pub struct Unknowns<'a> {
+    /// B_i, W/m² or lm/m².
+    pub radiosity: &'a mut [[f64; 3]],
+    /// H_i, W/m² or lux.
+    pub irradiance: &'a mut [[f64; 3]],
+    /// U_i: the part of B_i that has not been sent out.
+    pub unshot: &'a mut [[f64; 3]],
+}
+
+impl Unknowns<'_> {
+    /// Nothing has been sent out: `H = D, B = U = E + ρ D`.
+    pub fn start(&mut self, system: &System) {
+        self.irradiance.copy_from_slice(&system.direct);
+        for i in 0..system.n() {
+            self.radiosity[i] = system.initial(i);
+            self.unshot[i] = self.radiosity[i];
+        }
+    }
+
+    /// How far `E + ρ (D + F B)` still is from B, by power: `Σ A |U| / Σ A |B|`, the channel where it is largest.
+    pub fn residual(&self, system: &System) -> f64 {
+        let power = |b: &[[f64; 3]], c: usize| b.iter().zip(&system.area).map(|(b, a)| a * b[c].abs()).sum::<f64>();
+        let of = |c: usize| {
+            let all = power(self.radiosity, c);
+            if all > 0.0 { power(self.unshot, c) / all } else { 0.0 }
+        };
+        (0..3).map(of).fold(0.0, f64::max)
+    }
 }
 
 impl Balance {
@@ -64,20 +104,37 @@ impl System {
         sum
     }
 
-    /// Where the power is, when `b` has been sent out and `unshot` of it has not; every part from what it is defined by.
+    /// Where the power is; every part from what it is defined by.
     ///
-    /// What is absorbed is `A_i (1 − ρ_i) H_i` with the irradiance that the shot radiosities cause; what escapes is measured by the raw row sums.
-    pub fn balance(&self, row_sums: &[f64], irradiance: &[[f64; 3]], b: &[[f64; 3]], unshot: &[[f64; 3]]) -> Balance {
+    /// What is absorbed is `A_i (1 − ρ_i) H_i`; what escapes is measured by the raw row sums, `A_i (B_i − U_i) (1 − Σ_j F_ij)`: those of elements that have
+    /// sent out nothing need not be known.
+    pub fn balance(&self, row_sums: &[f64], irradiance: &[[f64; 3]], radiosity: &[[f64; 3]], unshot: &[[f64; 3]]) -> Balance {
         let mut balance = Balance::default();
         for i in 0..self.n() {
             let area = self.area[i];
             for c in 0..3 {
+                let shot = radiosity[i][c] - unshot[i][c];
                 balance.emitted[c] += area * (self.emission[i][c] + self.direct[i][c]);
                 balance.absorbed[c] += area * (1.0 - self.reflectance[i][c]) * irradiance[i][c];
-                balance.escaped[c] += area * (b[i][c] - unshot[i][c]) * (1.0 - row_sums[i]);
+                balance.escaped[c] += if shot == 0.0 { 0.0 } else { area * shot * (1.0 - row_sums[i]) };
                 balance.unshot[c] += area * unshot[i][c];
             }
         }
         balance
+    }
+
+    /// The share of ambient light in every channel: what the unshot power would bring to every surface if it were spread evenly, with all its
+    /// reflections. For display only. Source: [Cohen88].
+    ///
+    /// ```text
+    /// Amb = (Σ A U / Σ A) / (1 − ρ̄),   ρ̄ = Σ A ρ / Σ A
+    /// ```
+    pub fn ambient(&self, unshot: &[[f64; 3]]) -> [f64; 3] {
+        let area: f64 = self.area.iter().sum();
+        std::array::from_fn(|c| {
+            let mean = |v: &[[f64; 3]]| v.iter().zip(&self.area).map(|(v, a)| v[c] * a).sum::<f64>() / area;
+            let ambient = mean(unshot) / (1.0 - mean(&self.reflectance)).max(1e-3);
+            if ambient.is_finite() { ambient } else { 0.0 }
+        })
     }
 }

@@ -87,18 +87,38 @@ impl<'a> Factors<'a> {
 
     /// All rows. The same at any thread count.
     pub fn matrix(&self) -> Matrix {
+        self.assemble(&self.part(0..self.mesh.elements().len() as u32))
+    }
+
+    /// Some elements' share of the matrix, which [`Self::assemble`] makes of the shares of all in their order: for the analytic estimator, the exchange
+    /// areas with later elements.
+    pub fn part(&self, of: std::ops::Range<u32>) -> Vec<Row> {
         let n = self.mesh.elements().len() as u32;
         match &self.kind {
-            Kind::Analytic(pairs) => {
-                let upper: Vec<Vec<(u32, f64)>> = (0..n)
-                    .into_par_iter()
-                    .map_init(Scratch::default, |scratch, i| {
-                        let exchange = |j| (j, pairs.exchange_area(i, j, &mut scratch.pair));
-                        (i + 1..n).map(exchange).filter(|&(_, e)| e > 0.0).collect()
-                    })
-                    .collect();
-                Matrix::from_exchange_areas(&upper, self.mesh)
-            }
+            Kind::Analytic(pairs) => of
+                .into_par_iter()
+                .map_init(Scratch::default, |scratch, i| {
+                    let exchange = |j| (j, pairs.exchange_area(i, j, &mut scratch.pair));
+                    (i + 1..n).map(exchange).filter(|&(_, e)| e > 0.0).collect()
+                })
+                .collect(),
         }
+    }
+
+    /// The matrix from the shares of all elements.
+    pub fn assemble(&self, parts: &[Row]) -> Matrix {
+        match &self.kind {
+            Kind::Analytic(_) => Matrix::from_exchange_areas(parts, self.mesh),
+        }
+    }
+
+    /// The rows of some elements, in their order. The same at any thread count.
+    pub fn rows(&self, of: &[u32]) -> Vec<Row> {
+        let row = |scratch: &mut Scratch, &i: &u32| {
+            let mut row = Row::new();
+            self.row(i, &mut row, scratch);
+            row
+        };
+        of.par_iter().map_init(Scratch::default, row).collect()
     }
 }

@@ -7,11 +7,13 @@
 //!
 //! The matrix is strictly diagonally dominant while reflectances are below one, so both converge, the error shrinking by about the mean reflectance a
 //! sweep (Gauss–Seidel by about its square). Sums are in f64. Source: [Goral84].
+//!
+//! A step of Gauss–Seidel ends with one of Jacobi: it measures the residual, which the change of a sweep is not, and improves the result as well.
 
 use rayon::prelude::*;
 
 use super::super::matrix::Matrix;
-use super::super::system::System;
+use super::super::system::{System, Unknowns};
 
 /// Which radiosities a sweep reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,67 +25,24 @@ pub enum Sweep {
     GaussSeidel,
 }
 
-/// Radiosities on their way.
-#[derive(Debug)]
-pub struct Gathering<'a> {
-    system: &'a System,
-    matrix: &'a Matrix,
-    sweep: Sweep,
-    b: Vec<[f64; 3]>,
-}
-
-impl<'a> Gathering<'a> {
-    /// Starts from what leaves the elements first.
-    pub fn new(system: &'a System, matrix: &'a Matrix, sweep: Sweep) -> Self {
-        Self { b: (0..system.n()).map(|i| system.initial(i)).collect(), system, matrix, sweep }
-    }
-
-    /// B_i, W/m² or lm/m².
-    pub fn radiosity(&self) -> &[[f64; 3]] {
-        &self.b
-    }
-
-    /// One sweep over all elements. Returns the largest change of a radiosity relative to the largest radiosity.
-    pub fn step(&mut self) -> f64 {
-        let (mut change, mut largest) = (0.0f64, 0.0f64);
-        let mut note = |old: [f64; 3], new: [f64; 3]| {
-            for c in 0..3 {
-                change = change.max((new[c] - old[c]).abs());
-                largest = largest.max(new[c].abs());
-            }
-        };
-        match self.sweep {
-            Sweep::Jacobi => {
-                let next: Vec<_> = (0..self.b.len()).into_par_iter().map(|i| self.updated(i)).collect();
-                self.b.iter().zip(&next).for_each(|(old, new)| note(*old, *new));
-                self.b = next;
-            }
-            Sweep::GaussSeidel => {
-                for i in 0..self.b.len() {
-                    let new = self.updated(i);
-                    note(self.b[i], new);
-                    self.b[i] = new;
-                }
-            }
+/// One step over all elements.
+pub fn step(system: &System, matrix: &Matrix, sweep: Sweep, unknowns: &mut Unknowns) {
+    let Unknowns { radiosity, irradiance, unshot } = unknowns;
+    let arriving = |i: usize, b: &[[f64; 3]]| {
+        let gathered = System::gather(matrix, i, b);
+        std::array::from_fn(|c| system.direct[i][c] + gathered[c])
+    };
+    let leaving = |i: usize, h: [f64; 3]| std::array::from_fn(|c| system.emission[i][c] + system.reflectance[i][c] * h[c]);
+    if sweep == Sweep::GaussSeidel {
+        for i in (0..system.n()).filter(|&i| system.reflectance[i] != [0.0; 3]) {
+            radiosity[i] = leaving(i, arriving(i, radiosity));
         }
-        if largest > 0.0 { change / largest } else { 0.0 }
     }
-
-    fn updated(&self, i: usize) -> [f64; 3] {
-        let first = self.system.initial(i);
-        if self.system.reflectance[i] == [0.0; 3] {
-            return first;
-        }
-        let gathered = System::gather(self.matrix, i, &self.b);
-        std::array::from_fn(|c| first[c] + self.system.reflectance[i][c] * gathered[c])
-    }
-
-    /// H_i = D_i + Σ_j F_ij B_j, W/m² or lux.
-    pub fn irradiance(&self) -> Vec<[f64; 3]> {
-        let of = |i: usize| {
-            let gathered = System::gather(self.matrix, i, &self.b);
-            std::array::from_fn(|c| self.system.direct[i][c] + gathered[c])
-        };
-        (0..self.b.len()).into_par_iter().map(of).collect()
+    // All of it goes out.
+    irradiance.par_iter_mut().enumerate().for_each(|(i, h)| *h = arriving(i, radiosity));
+    for i in 0..system.n() {
+        let shot = radiosity[i];
+        radiosity[i] = leaving(i, irradiance[i]);
+        unshot[i] = std::array::from_fn(|c| radiosity[i][c] - shot[c]);
     }
 }

@@ -1,0 +1,134 @@
+//! Adaptive refinement: elements are divided where the light on them varies more than one value can say, and the world is solved again. Source: [Cohen86].
+//!
+//! An element is divided
+//!
+//! - where the step to a neighbour on the same patch is large: `ρ |H_i − H_j| > threshold · mean of ρ H`;
+//! - where the step is not, but near it, and the irradiance gathered at its centre ([`super::gather`]) disagrees by as much with the element's own, as it does where
+//!   a shadow falls between elements.
+//!
+//! Irradiances decide, not radiosities, so that pictures on walls are no reason. All cells of a patch stay similar to it, each divided on its own: neighbours of different
+//! size leave T-vertices.
+
+use rayon::prelude::*;
+
+use super::direct::DirectLight;
+use super::gather::{Gather, Scratch};
+use super::mesh::{Element, ElementMesh};
+use super::solution::{Division, Radiosity, Settings as Solve, Solution};
+use crate::math::DVec3;
+use crate::spectrum::Spectrum;
+use crate::transport::{Solver, Step, World};
+
+/// Where and how often.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// The largest step of reflected light that is left, relative to its mean over all surfaces.
+    pub threshold: f64,
+    /// Times that elements are divided into four.
+    pub levels: u32,
+    /// Elements at most; the largest steps go first.
+    pub elements: usize,
+    /// Gathers again where steps alone do not decide.
+    pub gather: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { threshold: 0.1, levels: 2, elements: 20_000, gather: true }
+    }
+}
+
+/// The solution over the first mesh, and those over the refined ones.
+pub fn solve(world: &World, settings: &Solve, refine: &Settings) -> Vec<Solution> {
+    let solve = |mesh: ElementMesh| {
+        let division = Division::of(mesh, &settings.solver);
+        let mut radiosity = Radiosity::new(world, &division, settings);
+        while let Step::Working { .. } = radiosity.step(world) {}
+        radiosity.into_solution()
+    };
+    let direct = DirectLight::new(world, &settings.extra_lights, settings.seed);
+    let mut solutions = vec![solve(ElementMesh::new(world, &settings.mesh, &direct))];
+    for _ in 0..refine.levels {
+        let Some(last) = solutions.last() else { break };
+        let marked = marked(world, last, settings, refine);
+        if !marked.contains(&true) {
+            break;
+        }
+        let next = solve(last.mesh.refined(world, &direct, &marked));
+        solutions.push(next);
+    }
+    solutions
+}
+
+/// By element: its cell is to be divided.
+pub fn marked(world: &World, solution: &Solution, settings: &Solve, refine: &Settings) -> Vec<bool> {
+    let (steps, scale) = (steps(solution), scale(solution));
+    let gather = Gather::new(world, solution, &settings.extra_lights, settings.seed);
+    let wanted: Vec<Option<f64>> = solution
+        .mesh
+        .elements()
+        .par_iter()
+        .enumerate()
+        .map_init(Scratch::default, |scratch, (i, element)| {
+            let step = steps[i];
+            if step > refine.threshold {
+                return Some(step);
+            }
+            if !refine.gather || step < 0.25 * refine.threshold {
+                return None;
+            }
+            let surface = solution.mesh.surface(world, element, [0.5; 2]);
+            let at = gather.at(&surface, element.normal.as_vec3(), i as u64, scratch);
+            let own = Spectrum::from(solution.irradiance[i].map(|h| h as f32));
+            let off = f64::from((at.irradiance - own).luminance().abs()) - 2.0 * at.standard_error;
+            let off = off * luminance(solution.system.reflectance[i]) / scale;
+            (off > refine.threshold).then_some(off)
+        })
+        .collect();
+    // The largest first, by the light they misplace; four elements for one, on either side that takes part.
+    let mut order: Vec<(f64, usize)> =
+        wanted.iter().enumerate().filter_map(|(i, w)| w.map(|w| (w * solution.system.area[i], i))).collect();
+    order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let room = refine.elements.saturating_sub(steps.len()) / 6;
+    let mut marked = vec![false; steps.len()];
+    order.into_iter().take(room).for_each(|(_, i)| marked[i] = true);
+    marked
+}
+
+/// Of every element the largest step of reflected light to a neighbour on the same patch, relative to the mean of all.
+pub fn steps(solution: &Solution) -> Vec<f64> {
+    let scale = scale(solution);
+    let light = |i: usize| luminance(solution.irradiance[i]);
+    let elements = solution.mesh.elements().par_iter().enumerate();
+    let step = |(i, element): (usize, &Element)| {
+        let steps = neighbours(&solution.mesh, element).map(|j| (light(i) - light(j)).abs());
+        steps.fold(0.0, f64::max) * luminance(solution.system.reflectance[i]) / scale
+    };
+    elements.map(step).collect()
+}
+
+/// The elements just across the middle of every edge; the element itself where there are none.
+fn neighbours(mesh: &ElementMesh, element: &Element) -> impl Iterator<Item = usize> {
+    let c = element.corners();
+    let across = move |k: usize| {
+        let (a, b) = (c[k], c[(k + 1) % c.len()]);
+        let outwards: DVec3 = (b - a).cross(element.normal);
+        (a + b) * 0.5 + outwards.normalize_or_zero() * (1e-3 * element.area.sqrt())
+    };
+    (0..c.len()).filter_map(move |k| mesh.element_on(element.patch, element.side, across(k))).map(|j| j as usize)
+}
+
+/// Mean luminance of `ρ H` over all surfaces.
+fn scale(solution: &Solution) -> f64 {
+    let (mut sum, mut area) = (0.0, 0.0);
+    for ((h, rho), a) in solution.irradiance.iter().zip(&solution.system.reflectance).zip(&solution.system.area) {
+        sum += a * luminance(std::array::from_fn(|c| rho[c] * h[c]));
+        area += a;
+    }
+    if sum > 0.0 { sum / area } else { 1.0 }
+}
+
+/// Y of linear RGB, in f64.
+fn luminance([r, g, b]: [f64; 3]) -> f64 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}

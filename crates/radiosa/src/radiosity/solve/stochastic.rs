@@ -1,0 +1,367 @@
+//! Stochastic Jacobi: rays instead of form factors, for scenes whose matrix cannot be held. Source: [Bekaert99].
+//!
+//! ```text
+//! repeat: of N rays, every element j sends out N_j in proportion to its unshot power A_j U_j, from places all over it, by the cosine
+//!         the element i that a ray meets:  H_i += A_j U_j / (N_j A_i);  its ρ_i-th part is unshot power of the next iteration
+//! ```
+//!
+//! An iteration sends out what the one before has brought, with rays of the same power throughout, so they become fewer; a round ends when less than one ray
+//! is left. Rounds are solutions of their own, and their mean is the result.
+//!
+//! - The paper goes on with iterations that send out everything again. Those feed on each other's noise, so that their spread understates the error; rounds share
+//!   nothing but the order of their samples. So the spread of rounds is the error, or more than it, since each element goes on in its own low-discrepancy sequence.
+//! - Streams are keyed by (seed, element) and go on by sample; hits are added up in the order of rays. So nothing depends on the number of threads.
+//! - An element that gets less than one ray gets one with that probability, and it carries what it would have carried: right on average. Else its rays carry its power, exactly.
+//! - What lies behind a transparent surface is reached by rays that pass it, with the probability that it lets light through. As in rows of form factors, which then
+//!   sum to more than one, what is met behind counts beside the surface, and is taken off what escapes.
+
+use rayon::prelude::*;
+
+use super::super::mesh::{self, Element, ElementMesh};
+use super::super::system::{System, Unknowns};
+use crate::math::rounding::{gamma, offset_origin};
+use crate::math::{DVec3, Frame, Ray, Vec3};
+use crate::sampling::{rng, sequence, warp};
+use crate::transport::World;
+
+/// How to shoot rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Rays of the first iteration of a round; zero: 8 for each element, between 2^16 and 2^22.
+    pub rays: u32,
+    /// Rounds at least, before their spread is believed.
+    pub rounds: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { rays: 0, rounds: 8 }
+    }
+}
+
+/// Rays of one piece of work: never dependent on the number of threads.
+const PIECE: u64 = 4096;
+/// Pieces whose hits are held at once.
+const PIECES: usize = 256;
+/// Transparent surfaces a ray passes at most.
+const MAX_LAYERS: u32 = 64;
+/// In place of an element: nothing there; and once for every meeting after a ray's first.
+const NOTHING: u32 = u32::MAX;
+const AGAIN: u32 = u32::MAX - 1;
+
+/// Rounds so far, and the one on its way.
+#[derive(Clone, Debug)]
+pub struct Stochastic {
+    seed: u64,
+    settings: Settings,
+    /// Power of one ray: the first iteration's unshot power over its rays, all channels together.
+    quantum: f64,
+    /// Samples each element has used.
+    used: Vec<u32>,
+    /// Iterations so far, the key of what is drawn once for each.
+    iteration: u64,
+    /// H and U of the round.
+    irradiance: Vec<[f64; 3]>,
+    unshot: Vec<[f64; 3]>,
+    /// Rounds that are finished, and over them: ΣH, ΣH², ΣU.
+    rounds: u32,
+    sum: Vec<[f64; 3]>,
+    squares: Vec<[f64; 3]>,
+    left: Vec<[f64; 3]>,
+    /// Of every element: rays that left the scene, less meetings behind transparent surfaces, in all rounds.
+    escaped_rays: Vec<i64>,
+    /// Power that left the scene, in this round and in those before.
+    escaped: [[f64; 3]; 2],
+    /// Rays that carried light.
+    pub n_rays: u64,
+}
+
+impl Stochastic {
+    /// Nothing has been sent out.
+    pub fn new(system: &System, settings: Settings, seed: u64) -> Self {
+        let n = system.n();
+        let zero = || vec![[0.0; 3]; n];
+        let rays = if settings.rays == 0 { (8 * n as u64).clamp(1 << 16, 1 << 22) } else { u64::from(settings.rays) };
+        let mut stochastic = Self {
+            seed: rng::key(&[seed, 0x7374_6F63]),
+            settings,
+            quantum: 0.0,
+            used: vec![0; n],
+            iteration: 0,
+            irradiance: zero(),
+            unshot: zero(),
+            rounds: 0,
+            sum: zero(),
+            squares: zero(),
+            left: zero(),
+            escaped_rays: vec![0; n],
+            escaped: [[0.0; 3]; 2],
+            n_rays: 0,
+        };
+        stochastic.begin(system);
+        stochastic.quantum = (0..n).map(|i| stochastic.weight(system, i)).sum::<f64>() / rays as f64;
+        stochastic
+    }
+
+    /// A new round.
+    fn begin(&mut self, system: &System) {
+        self.irradiance.copy_from_slice(&system.direct);
+        (0..system.n()).for_each(|i| self.unshot[i] = system.initial(i));
+        self.escaped[0] = [0.0; 3];
+    }
+
+    /// `A U`, channels together: what decides about the number of rays.
+    fn weight(&self, system: &System, i: usize) -> f64 {
+        system.area[i] * self.unshot[i].iter().map(|u| u.abs()).sum::<f64>()
+    }
+
+    /// One iteration. The unknowns become the mean of the finished rounds, or what is known of the first.
+    pub fn step(&mut self, world: &World, mesh: &ElementMesh, system: &System, unknowns: &mut Unknowns, row_sums: &mut [f64]) {
+        self.iteration += 1;
+        let rays = self.distribute(system);
+        let power: Vec<[f64; 3]> = (0..system.n())
+            .map(|j| {
+                let expected = self.weight(system, j) / self.quantum;
+                let share = if rays[j] == 0 { 0.0 } else { 1.0 / if expected < 1.0 { expected } else { f64::from(rays[j]) } };
+                self.unshot[j].map(|u| u * system.area[j] * share)
+            })
+            .collect();
+        let mut next = vec![[0.0f64; 3]; system.n()];
+        let mut starts = vec![0u64; system.n() + 1];
+        (0..system.n()).for_each(|j| starts[j + 1] = starts[j] + u64::from(rays[j]));
+        let total = starts[system.n()];
+        self.n_rays += total;
+        let pieces: Vec<u64> = (0..total.div_ceil(PIECE)).collect();
+        for pieces in pieces.chunks(PIECES) {
+            let met: Vec<Vec<[u32; 2]>> = pieces
+                .par_iter()
+                .map(|piece| self.trace(world, mesh, &starts, piece * PIECE..((piece + 1) * PIECE).min(total)))
+                .collect();
+            for [from, to] in met.into_iter().flatten() {
+                let carried = power[from as usize];
+                if to >= AGAIN {
+                    let sign = if to == NOTHING { 1 } else { -1 };
+                    self.escaped_rays[from as usize] += sign;
+                    (0..3).for_each(|c| self.escaped[0][c] += sign as f64 * carried[c]);
+                } else {
+                    (0..3).for_each(|c| next[to as usize][c] += carried[c]);
+                }
+            }
+        }
+        for j in 0..system.n() {
+            self.used[j] = self.used[j].wrapping_add(rays[j]);
+            for (c, power) in next[j].iter().enumerate() {
+                let arriving = if system.area[j] > 0.0 { power / system.area[j] } else { 0.0 };
+                self.irradiance[j][c] += arriving;
+                self.unshot[j][c] = system.reflectance[j][c] * arriving;
+            }
+        }
+        // Less than one ray is left: the round is over.
+        let left: f64 = (0..system.n()).map(|i| self.weight(system, i)).sum();
+        if left <= self.quantum || total == 0 {
+            self.finish(system);
+        }
+        self.read(system, unknowns, row_sums);
+    }
+
+    /// Whole numbers of rays in proportion to unshot power, one stroke for every quantum of it: every element gets its number rounded up or down.
+    fn distribute(&self, system: &System) -> Vec<u32> {
+        let offset = f64::from(rng::unit_f32((rng::key(&[self.seed, self.iteration]) >> 32) as u32));
+        let (mut sum, mut before) = (offset, 0.0);
+        (0..system.n())
+            .map(|i| {
+                if self.quantum > 0.0 {
+                    sum += self.weight(system, i) / self.quantum;
+                }
+                let n = sum.floor() - before;
+                before = sum.floor();
+                n as u32
+            })
+            .collect()
+    }
+
+    /// Traces rays of a range: the element each starts from and the one it meets, in order.
+    fn trace(&self, world: &World, mesh: &ElementMesh, starts: &[u64], range: std::ops::Range<u64>) -> Vec<[u32; 2]> {
+        let mut met = Vec::with_capacity((range.end - range.start) as usize);
+        let mut j = starts.partition_point(|&s| s <= range.start) - 1;
+        let mut element = Source::new(&mesh.elements()[j], self.seed, j as u64);
+        for k in range {
+            while starts[j + 1] <= k {
+                j += 1;
+                element = Source::new(&mesh.elements()[j], self.seed, j as u64);
+            }
+            let sample = self.used[j].wrapping_add((k - starts[j]) as u32);
+            follow(world, mesh, element.ray(sample), rng::key(&[element.key, u64::from(sample)]), |to| met.push([j as u32, to]));
+        }
+        met
+    }
+
+    fn finish(&mut self, system: &System) {
+        self.rounds += 1;
+        for i in 0..system.n() {
+            for c in 0..3 {
+                let h = self.irradiance[i][c];
+                self.sum[i][c] += h;
+                self.squares[i][c] += h * h;
+                self.left[i][c] += self.unshot[i][c];
+            }
+        }
+        (0..3).for_each(|c| self.escaped[1][c] += self.escaped[0][c]);
+        self.begin(system);
+    }
+
+    fn read(&self, system: &System, unknowns: &mut Unknowns, row_sums: &mut [f64]) {
+        let of = |sum: [f64; 3], now: [f64; 3]| {
+            if self.rounds > 0 { sum.map(|s| s / f64::from(self.rounds)) } else { now }
+        };
+        for (i, row_sum) in row_sums.iter_mut().enumerate() {
+            let h = of(self.sum[i], self.irradiance[i]);
+            unknowns.irradiance[i] = h;
+            unknowns.radiosity[i] = std::array::from_fn(|c| system.emission[i][c] + system.reflectance[i][c] * h[c]);
+            unknowns.unshot[i] = of(self.left[i], self.unshot[i]);
+            *row_sum = 1.0 - self.escaped_rays[i] as f64 / f64::from(self.used[i]);
+        }
+    }
+
+    /// Rounds that are finished.
+    pub fn rounds(&self) -> u32 {
+        self.rounds
+    }
+
+    /// Power that left the scene, by the rays that carried it.
+    pub fn escaped(&self) -> [f64; 3] {
+        if self.rounds > 0 { self.escaped[1].map(|e| e / f64::from(self.rounds)) } else { self.escaped[0] }
+    }
+
+    /// Standard error of every irradiance, W/m² or lux, from the spread of the rounds; infinite until there are two.
+    pub fn standard_errors(&self) -> Vec<[f64; 3]> {
+        let rounds = f64::from(self.rounds);
+        let of = |sum: f64, squares: f64| {
+            if self.rounds < 2 {
+                f64::INFINITY
+            } else {
+                ((squares / rounds - (sum / rounds).powi(2)).max(0.0) / (rounds - 1.0)).sqrt()
+            }
+        };
+        self.sum.iter().zip(&self.squares).map(|(s, q)| std::array::from_fn(|c| of(s[c], q[c]))).collect()
+    }
+
+    /// Relative, `√(Σ A σ²/Σ A H²)` over all elements and channels; infinite until enough rounds are finished.
+    pub fn error(&self, system: &System) -> f64 {
+        if self.rounds < self.settings.rounds.max(2) {
+            return f64::INFINITY;
+        }
+        let rounds = f64::from(self.rounds);
+        let (mut variance, mut all) = (0.0, 0.0);
+        for ((error, sum), area) in self.standard_errors().iter().zip(&self.sum).zip(&system.area) {
+            for c in 0..3 {
+                variance += area * error[c].powi(2);
+                all += area * (sum[c] / rounds).powi(2);
+            }
+        }
+        if all > 0.0 { (variance / all).sqrt() } else { 0.0 }
+    }
+}
+
+/// An element as a source of rays.
+struct Source<'a> {
+    element: &'a Element,
+    key: u64,
+    normal: Vec3,
+    frame: Frame,
+    error: Vec3,
+    /// The points that light can reach, where it cannot reach all.
+    exposed: Vec<[f64; 2]>,
+}
+
+impl<'a> Source<'a> {
+    fn new(element: &'a Element, seed: u64, j: u64) -> Self {
+        let normal = element.normal.as_vec3();
+        let largest = element.corners().iter().map(|c| c.abs().max_element()).fold(0.0, f64::max) as f32;
+        let key = rng::key(&[seed, j]);
+        let is_whole = (0..mesh::POINTS).all(|k| element.exposes(k));
+        let points = (0..mesh::POINTS).filter(|&k| !is_whole && element.exposes(k));
+        let exposed = points.map(|k| mesh::point(j as u32, k as u32)).collect();
+        Self { element, key, normal, frame: Frame::from_normal(normal), error: Vec3::splat(largest * gamma(16)), exposed }
+    }
+
+    /// From a point uniform over the element, in a direction by the cosine: two dimensions each of a sequence.
+    fn ray(&self, sample: u32) -> Ray {
+        let u = sequence::point_2d(sample, self.key);
+        let p = match self.exposed.as_slice() {
+            [] => uniform(self.element, [u.x, u.y].map(f64::from)),
+            // Light leaves the part in the open alone.
+            points => self.element.at(points[(u.x * points.len() as f32) as usize]),
+        };
+        let p = p.as_vec3();
+        let dir = self.frame.to_world(warp::cosine_hemisphere(sequence::point_2d(sample, self.key ^ 0x6469_7265)));
+        Ray::new(offset_origin(p, self.error, self.normal, self.normal), dir)
+    }
+}
+
+/// A point uniform over an element: the bilinear map, whose Jacobian is linear in either parameter, with that taken out.
+fn uniform(element: &Element, [u, v]: [f64; 2]) -> DVec3 {
+    let c = element.corners();
+    if c.len() != 4 {
+        return element.at([u, v]);
+    }
+    let corner = |i: usize| (c[(i + 1) % 4] - c[i]).cross(c[(i + 3) % 4] - c[i]).dot(element.normal).max(0.0);
+    let [a, b, d, e] = [0, 1, 3, 2].map(corner);
+    let t = linear(v, a + b, d + e);
+    element.at([linear(u, a + (d - a) * t, b + (e - b) * t), t])
+}
+
+/// The number in `[0, 1]` below which the fraction `u` of a density lies that runs from `a` to `b`.
+fn linear(u: f64, a: f64, b: f64) -> f64 {
+    let root = (a * a + (b * b - a * a) * u).max(0.0).sqrt();
+    if a + root > 0.0 { u * (a + b) / (a + root) } else { u }
+}
+
+/// What a ray meets first, and what lies behind that where it is transparent, as far as chance lets it go.
+fn follow(world: &World, mesh: &ElementMesh, mut ray: Ray, key: u64, mut meet: impl FnMut(u32)) {
+    for layer in 0..MAX_LAYERS {
+        let Some((hit, surface)) = world.closest_visible(&ray) else {
+            // What passed a surface was counted there.
+            return if layer == 0 {
+                meet(NOTHING)
+            };
+        };
+        let element = mesh.element_at(&hit, surface.p, ray.dir);
+        match element {
+            Some(element) => {
+                meet(element);
+                if layer > 0 {
+                    meet(AGAIN);
+                }
+            }
+            None if layer == 0 => meet(NOTHING),
+            None => {}
+        }
+        if !world.has_transparency() {
+            return;
+        }
+        let shading = world.shading(&surface, -ray.dir);
+        let through = shading.straight_transmission();
+        let passes = 1.0 - shading.coverage * (1.0 - (through.r + through.g + through.b) / 3.0);
+        if rng::unit_f32((rng::key(&[key, u64::from(layer)]) >> 32) as u32) >= passes {
+            return;
+        }
+        ray = surface.ray(ray.dir);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_linear_density_is_inverted() {
+        for (a, b) in [(1.0, 1.0), (0.0, 2.0), (2.0, 0.0), (1.0, 3.0)] {
+            for k in 0..=8 {
+                let u = f64::from(k) / 8.0;
+                let x = linear(u, a, b);
+                assert!((x * a + 0.5 * x * x * (b - a) - u * 0.5 * (a + b)).abs() < 1e-14, "{u} of {a} to {b} is at {x}");
+            }
+        }
+    }
+}
