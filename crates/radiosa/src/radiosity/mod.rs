@@ -26,4 +26,4 @@ pub mod solve;
 pub mod system;
 
 pub use sides::Side;
-pub use solution::{Division, Radiosity, Settings, Solution, solve};
+pub use solution::{Division, Progress, Radiosity, Settings, Solution, solve};
