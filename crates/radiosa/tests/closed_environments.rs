@@ -700,3 +700,19 @@ fn rays_and_factors_agree_on_trapezoids_and_around_boxes() {
         assert!(rays.balance.error() < 1e-3, "{:?}", rays.balance);
     }
 }
+
+#[test]
+fn nothing_and_darkness_are_solved_at_once() {
+    let rays = Method::Stochastic(stochastic::Settings::default());
+    let blocks = Method::Shooting(shooting::Settings { block: 3, ..shooting::Settings::default() });
+    let dark = box_faces(DVec3::ONE, &[0.0; 6], &[0.5; 6]);
+    for faces in [Vec::new(), dark] {
+        let world = world(&faces, Vec::new());
+        for (name, method) in deterministic().into_iter().chain([("rays", rays), ("blocks", blocks), ("auto", Method::Auto)]) {
+            let solution = solve(&world, &settings(method, Some(0.5), 1e-3), |_| ());
+            assert!(solution.radiosity.iter().all(|b| *b == [0.0; 3]), "{name}");
+            assert!(solution.history.records.len() < 20, "{name}");
+            assert_eq!(solution.balance, radiosity::system::Balance::default(), "{name}");
+        }
+    }
+}

@@ -212,7 +212,7 @@ impl<'a> Radiosity<'a> {
             (radiosity.n_pairs, radiosity.n_exchanges) = (last.n_pairs, last.n_exchanges);
             radiosity.has_converged = settings.stop.is_reached(last);
         } else if let Progress::Gathering(..) = &progress {
-            radiosity.n_pairs = n as u64 * (n as u64 - 1) / 2;
+            radiosity.n_pairs = n as u64 * (n as u64).saturating_sub(1) / 2;
         }
         (radiosity.solution, radiosity.progress) = (solution, progress);
         radiosity
@@ -268,7 +268,7 @@ impl<'a> Radiosity<'a> {
             }
             (Progress::Shooting(shooting), Some(factors)) => {
                 let work = shooting.step(system, factors, &mut unknowns, row_sums);
-                self.n_pairs += work.rows * (system.n() as u64 - 1);
+                self.n_pairs += work.rows * (system.n() as u64).saturating_sub(1);
                 self.n_exchanges += work.exchanges;
             }
             (Progress::Stochastic(stochastic), _) => {
