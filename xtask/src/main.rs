@@ -13,6 +13,7 @@ cargo xtask test [FILTER…]   install what tests need, then run every test
 cargo xtask bench rays       ray queries beside Embree (Debian's libembree-dev)
 cargo xtask bench scanline   scan line beside software OpenGL (Debian's libegl1, libgl1-mesa-dri)
 cargo xtask bench whitted    Whitted ray tracing beside POV-Ray (Debian's povray)
+cargo xtask figure convergence [SCENE] [OUTPUT.svg] [ELEMENTS]   how the radiosity solvers converge over work and time
 cargo xtask pictures         render the pictures of the README and the book again
 ";
 
@@ -24,6 +25,7 @@ fn main() -> ExitCode {
         ["bench", "rays", ..] => bench_rays::run(&args[2..]),
         ["bench", "scanline", ..] => bench_scanline::run(&args[2..]),
         ["bench", "whitted", ..] => bench_whitted::run(&args[2..]),
+        ["figure", "convergence", rest @ ..] => figure_convergence(rest),
         ["pictures"] => pictures(),
         _ => {
             say(HELP);
@@ -80,6 +82,11 @@ fn install_page_tools() {
     if !(quietly(&["update"]) && quietly(&install)) {
         warn(&format!("note: could not install {} (needed by page tests only; none yet)", missing.join(", ")));
     }
+}
+
+/// Draws the ways of the radiosity solvers.
+fn figure_convergence(rest: &[&str]) -> Result<()> {
+    run(cargo().args(["run", "--release", "--quiet", "--package", "radiosa", "--example", "convergence", "--"]).args(rest))
 }
 
 /// The pictures of the README and the book: each made again by the command beside it.

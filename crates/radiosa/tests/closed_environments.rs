@@ -5,9 +5,10 @@
 use std::f64::consts::PI;
 
 use radiosa::math::{CpuPath, DAffine3, DVec3};
-use radiosa::radiosity::form_factor::{Estimator, pair};
-use radiosa::radiosity::solve::{Solver as Method, Stop, shooting, stochastic};
-use radiosa::radiosity::system::System;
+use radiosa::radiosity::form_factor::{Estimator, Factors, pair};
+use radiosa::radiosity::matrix::Matrix;
+use radiosa::radiosity::solve::{Solver as Method, Stop, gathering, shooting, stochastic};
+use radiosa::radiosity::system::{System, Unknowns};
 use radiosa::radiosity::{self, Division, Radiosity, Solution, mesh};
 use radiosa::scene::{
     Attenuation, ColorMap, Cone, Geometry, Instance, Light, LightKind, Material, MaterialId, Mesh, MeshId, Model,
@@ -343,65 +344,77 @@ fn sphere(radius: f64, zones: &[(f64, f64, f64)], n: usize) -> Vec<Face> {
     faces
 }
 
+/// Radiosities of furnaces by one matrix: the errors relative to B of FUR-01 up to a reflectance, FUR-02 and FUR-03.
+fn furnace_errors(matrix: &Matrix, area: &[f64], highest: f64) -> [f64; 3] {
+    let n = area.len();
+    let off = |emission: &dyn Fn(usize) -> [f64; 3], reflectance: &dyn Fn(usize) -> [f64; 3], b: f64| {
+        let [emission, reflectance]: [Vec<_>; 2] = [(0..n).map(emission).collect(), (0..n).map(reflectance).collect()];
+        let system = System { area: area.to_vec(), emission, reflectance, direct: vec![[0.0; 3]; n] };
+        let mut columns = [vec![[0.0; 3]; n], vec![[0.0; 3]; n], vec![[0.0; 3]; n]];
+        let [radiosity, irradiance, unshot] = &mut columns;
+        let mut unknowns = Unknowns { radiosity, irradiance, unshot };
+        unknowns.start(&system);
+        for _ in 0..2000 {
+            gathering::step(&system, matrix, gathering::Sweep::GaussSeidel, &mut unknowns);
+            if unknowns.residual(&system) < 1e-8 {
+                break;
+            }
+        }
+        unknowns.radiosity.iter().flatten().map(|v| (v - b).abs() / b).fold(0.0, f64::max)
+    };
+    let cases = |id: &str| environment(id)["cases"].as_array().expect("cases").clone();
+    let grey = cases("FUR-01").into_iter().filter(|c| number(&c["reflectance"]) <= highest);
+    let grey = grey.map(|c| off(&|_| [number(&c["emission"]); 3], &|_| [number(&c["reflectance"]); 3], number(&c["B"])));
+    let rgb = |v: &Value| -> [f64; 3] { std::array::from_fn(|c| number(&v[c])) };
+    let colored = cases("FUR-02");
+    let colored = colored.iter().map(|c| off(&|_| rgb(&c["emission"]), &|_| rgb(&c["reflectance"]), 1.0));
+    let varied = numbers(&environment("FUR-03")["example"]["reflectance"]);
+    let varied = off(&|i| [1.0 - varied[i % 6]; 3], &|i| [varied[i % 6]; 3], 1.0);
+    [grey.fold(0.0, f64::max), colored.fold(0.0, f64::max), varied]
+}
+
 #[test]
 fn furnaces_are_the_same_everywhere() {
-    let unit = |size: DVec3, n: usize| {
-        let faces = box_faces(size, &[0.0; 6], &[0.0; 6]);
-        (world(&faces, Vec::new()), Some(size.max_element() / n as f64))
-    };
+    let cube = |size: DVec3| box_faces(size, &[0.0; 6], &[0.0; 6]);
+    // A room with a cube of half its size in the middle, turned inside out.
+    let mut occupied = cube(DVec3::ONE);
+    occupied.extend(cube(DVec3::splat(0.5)).into_iter().map(|mut face| {
+        face.corners.reverse();
+        face.corners.iter_mut().for_each(|c| *c += 0.25);
+        face
+    }));
     let tetrahedron = systems().pop().expect("the last one").faces;
+    let all: &[f64] = &[1e-3, 1e-6];
     let shapes = [
-        ("box 1 × 1 × 1", unit(DVec3::ONE, 4)),
-        ("box 2 × 1 × 0.5", unit(DVec3::new(2.0, 1.0, 0.5), 6)),
-        ("tetrahedron", (world(&tetrahedron, Vec::new()), Some(0.5))),
-        ("sphere", (world(&sphere(1.0, &[(1.0, 0.0, 0.0)], 12), Vec::new()), None)),
+        ("box 1 × 1 × 1", cube(DVec3::ONE), Some(0.25), all, 0.99),
+        ("box 1 × 1 × 1, finer", cube(DVec3::ONE), Some(0.1), &[1e-3, 1e-4, 1e-5, 1e-6], 0.99),
+        ("box 2 × 1 × 0.5", cube(DVec3::new(2.0, 1.0, 0.5)), Some(1.0 / 3.0), all, 0.99),
+        ("tetrahedron", tetrahedron, Some(0.5), all, 0.99),
+        ("sphere", sphere(1.0, &[(1.0, 0.0, 0.0)], 12), None, all, 0.99),
+        ("box with a cube inside", occupied, Some(0.25), &[1e-6], 0.5),
     ];
-    let grey = environment("FUR-01")["cases"].as_array().expect("cases").clone();
-    let colored = environment("FUR-02")["cases"].as_array().expect("cases").clone();
-    let varied = numbers(&environment("FUR-03")["example"]["reflectance"]);
-    for (name, (world, size)) in &shapes {
-        for tolerance in [1e-3, 1e-6] {
-            let settings = settings(Method::GaussSeidel, *size, tolerance);
-            let mut worst = [0.0f64; 3];
-            let mut sums = (f64::INFINITY, 0.0f64);
-            let mut run = |k: usize, change: &dyn Fn(&mut System), b: f64| {
-                let solution = solve(world, &settings, change);
-                sums = solution.row_sums.iter().fold(sums, |(low, high), &s| (low.min(s), high.max(s)));
-                let off = solution.radiosity.iter().flatten().map(|v| (v - b).abs() / b).fold(0.0, f64::max);
-                worst[k] = worst[k].max(off);
-            };
-            for case in &grey {
-                let (e, rho) = (number(&case["emission"]), number(&case["reflectance"]));
-                let set = |s: &mut System| {
-                    s.emission.fill([e; 3]);
-                    s.reflectance.fill([rho; 3]);
-                };
-                run(0, &set, number(&case["B"]));
+    for (name, faces, size, tolerances, highest) in shapes {
+        let world = world(&faces, Vec::new());
+        for &tolerance in tolerances {
+            let mut settings = settings(Method::GaussSeidel, size, tolerance);
+            if highest < 0.99 {
+                settings.estimator = Estimator::Analytic(pair::Settings { tolerance, rays: [64, 64] });
             }
-            for case in &colored {
-                let rgb = |name: &str| std::array::from_fn(|c| number(&case[name][c]));
-                let set = |s: &mut System| {
-                    s.emission.fill(rgb("emission"));
-                    s.reflectance.fill(rgb("reflectance"));
-                };
-                run(1, &set, 1.0);
-            }
-            let set = |s: &mut System| {
-                for i in 0..s.n() {
-                    let rho = varied[i % 6];
-                    (s.reflectance[i], s.emission[i]) = ([rho; 3], [1.0 - rho; 3]);
-                }
-            };
-            run(2, &set, 1.0);
+            let mesh = mesh::ElementMesh::new(&world, &settings.mesh);
+            let matrix = Factors::new(&world, &mesh, &settings.estimator, 0).matrix();
+            let area: Vec<f64> = mesh.elements().iter().map(|e| e.area).collect();
+            let errors = furnace_errors(&matrix, &area, highest);
+            let sums = (0..area.len()).map(|i| matrix.row_sum(i) - 1.0);
+            let (low, high) = sums.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), s| (low.min(s), high.max(s)));
             println!(
-                "{name}, tolerance {tolerance:e}: rows sum to {:.2e} to {:.2e} more than 1, B off by {}",
-                sums.0 - 1.0,
-                sums.1 - 1.0,
-                list(&worst)
+                "{name}, {} elements, tolerance {tolerance:e}: rows sum to {low:.1e} to {high:.1e} more than 1, B off by {}",
+                area.len(),
+                list(&errors)
             );
-            if tolerance < 1e-5 {
-                assert!(worst.iter().all(|&w| w < 1e-4), "{name}: {worst:?}");
-            }
+            // Where something stands between, visibility is sampled, and reflectances of 0.99 (one channel of FUR-02) want more than that gives.
+            let [grey, colored, varied] = errors;
+            let is_met = if highest < 0.99 { grey.max(varied) < 5e-3 } else { grey.max(colored).max(varied) < 1e-4 };
+            assert!(is_met, "{name}: {errors:?}");
         }
     }
 }
@@ -567,7 +580,7 @@ fn shooting_from_blocks_finds_what_elements_find() {
 }
 
 #[test]
-fn the_number_of_threads_changes_nothing() {
+fn neither_threads_nor_interruptions_change_anything() {
     let e = environment("BOX-02");
     let column = |name: &str| e["faces"].as_array().expect("faces").iter().map(|f| number(&f[name])).collect::<Vec<_>>();
     let world = world(&box_faces(vector(&e["size"]), &column("emission"), &column("reflectance")), Vec::new());
@@ -581,6 +594,18 @@ fn the_number_of_threads_changes_nothing() {
         });
         assert_eq!(one.radiosity, three.radiosity, "{name}");
         assert_eq!(one.history, three.history, "{name}");
+        // Nor does an interruption after a third of the steps.
+        let division = Division::new(&world, &settings);
+        let mut first = Radiosity::new(&world, &division, &settings);
+        let mut taken = 0;
+        while taken < 1 + one.history.records.len() / 3 {
+            first.step(&world);
+            taken += 1;
+        }
+        let mut second = Radiosity::resume(&world, &division, &settings, first.solution().clone(), first.progress().clone());
+        while let Step::Working { .. } = second.step(&world) {}
+        assert_eq!(one.radiosity, second.solution().radiosity, "{name}");
+        assert_eq!(one.history, second.solution().history, "{name}");
     }
 }
 
@@ -643,4 +668,51 @@ fn refinement_finds_the_rim_of_a_spot() {
     let counts: Vec<usize> = refined.iter().map(|s| s.mesh.elements().len()).collect();
     println!("elements {counts:?}, against {}: {}", uniform.mesh.elements().len(), list(&errors));
     assert!(errors[1] < 0.7 * errors[2] && errors[1] < 0.5 * errors[0], "{errors:?}");
+}
+
+#[test]
+fn rays_and_factors_agree_on_trapezoids_and_around_boxes() {
+    let zones = [(0.5, 1.0, 0.3), (0.5, 0.0, 0.7)];
+    let globe = (world(&sphere(1.0, &zones, 12), Vec::new()), settings(Method::GaussSeidel, None, 1e-4));
+    let cornell = radiosa::import::sample::load("cornell-box").expect("it is built in");
+    let cornell = World::prepare(cornell, CpuPath::detect()).expect("it is valid");
+    let elements = mesh::Settings { elements: 500, ..mesh::Settings::default() };
+    let cornell = (cornell, radiosity::Settings { mesh: elements, ..radiosity::Settings::default() });
+    for (name, (world, by_factors)) in [("sphere", globe), ("cornell-box", cornell)] {
+        let mut by_rays =
+            radiosity::Settings { solver: Method::Stochastic(stochastic::Settings::default()), ..by_factors.clone() };
+        by_rays.stop.error = 0.01;
+        let [factors, rays] = [by_factors, by_rays].map(|s| radiosity::solve(&world, &s));
+        let (mut off, mut all, mut squares, mut n) = (0.0, 0.0, 0.0, 0.0);
+        for (i, area) in factors.system.area.iter().enumerate() {
+            let d = rays.irradiance[i][0] - factors.irradiance[i][0];
+            off += area * d * d;
+            all += area * factors.irradiance[i][0].powi(2);
+            // (Where no ray or few arrive the spread says nothing.)
+            if rays.irradiance_error[i][0] > 1e-3 * factors.irradiance[i][0] {
+                squares += (d / rays.irradiance_error[i][0]).powi(2);
+                n += 1.0;
+            }
+        }
+        let (off, deviation) = ((off / all).sqrt(), (squares / n).sqrt());
+        println!("{name}: {} elements differ by {off:.1e}, {deviation:.2} standard errors", factors.system.n());
+        assert!(off < 0.02 && deviation < 1.3, "{name}: {off}, {deviation} standard errors");
+        assert!(rays.balance.error() < 1e-3, "{:?}", rays.balance);
+    }
+}
+
+#[test]
+fn nothing_and_darkness_are_solved_at_once() {
+    let rays = Method::Stochastic(stochastic::Settings::default());
+    let blocks = Method::Shooting(shooting::Settings { block: 3, ..shooting::Settings::default() });
+    let dark = box_faces(DVec3::ONE, &[0.0; 6], &[0.5; 6]);
+    for faces in [Vec::new(), dark] {
+        let world = world(&faces, Vec::new());
+        for (name, method) in deterministic().into_iter().chain([("rays", rays), ("blocks", blocks), ("auto", Method::Auto)]) {
+            let solution = solve(&world, &settings(method, Some(0.5), 1e-3), |_| ());
+            assert!(solution.radiosity.iter().all(|b| *b == [0.0; 3]), "{name}");
+            assert!(solution.history.records.len() < 20, "{name}");
+            assert_eq!(solution.balance, radiosity::system::Balance::default(), "{name}");
+        }
+    }
 }

@@ -29,5 +29,5 @@ pub mod system;
 mod tessellate;
 
 pub use sides::Side;
-pub use solution::{Division, Radiosity, Settings, Solution, solve};
+pub use solution::{Division, Progress, Radiosity, Settings, Solution, solve};
 pub use tessellate::tessellate;

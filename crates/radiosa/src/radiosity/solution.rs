@@ -136,20 +136,23 @@ pub struct Radiosity<'a> {
     /// None for solvers that trace rays.
     factors: Option<Factors<'a>>,
     stop: Stop,
-    state: State,
+    progress: Progress,
     n_pairs: u64,
     n_exchanges: u64,
     has_converged: bool,
     solution: Solution,
 }
 
-/// What a solver needs beside the solution so far.
-#[derive(Debug)]
-enum State {
-    /// Elements' shares of the matrix.
+/// What a solver needs beside the solution so far, to go on.
+#[derive(Clone, Debug)]
+pub enum Progress {
+    /// Shares of the matrix, of the first elements ([`Factors::part`]).
     Factors(Vec<Row>, Sweep),
+    /// The matrix.
     Gathering(Matrix, Sweep),
+    /// Whose turn it is, and rows that may be needed again.
     Shooting(Shooting),
+    /// Rounds so far.
     Stochastic(Stochastic),
 }
 
@@ -167,13 +170,13 @@ impl<'a> Radiosity<'a> {
             Some((mesh, blocks)) => (mesh, blocks.clone()),
             None => (&division.mesh, Blocks::single(n)),
         };
-        let state = match settings.solver.for_elements(n) {
-            Method::Jacobi => State::Factors(Vec::new(), Sweep::Jacobi),
-            Method::Auto | Method::GaussSeidel => State::Factors(Vec::new(), Sweep::GaussSeidel),
-            Method::Shooting(settings) => State::Shooting(Shooting::new(settings, blocks)),
-            Method::Stochastic(of) => State::Stochastic(Stochastic::new(&system, of, settings.seed)),
+        let progress = match settings.solver.for_elements(n) {
+            Method::Jacobi => Progress::Factors(Vec::new(), Sweep::Jacobi),
+            Method::Auto | Method::GaussSeidel => Progress::Factors(Vec::new(), Sweep::GaussSeidel),
+            Method::Shooting(settings) => Progress::Shooting(Shooting::new(settings, blocks)),
+            Method::Stochastic(of) => Progress::Stochastic(Stochastic::new(&system, of, settings.seed)),
         };
-        let has_factors = !matches!(state, State::Stochastic(_));
+        let has_factors = !matches!(progress, Progress::Stochastic(_));
         let mut solution = Solution {
             mesh: division.mesh.clone(),
             radiosity: vec![[0.0; 3]; n],
@@ -192,12 +195,34 @@ impl<'a> Radiosity<'a> {
         Self {
             factors: has_factors.then(|| Factors::new(world, mesh, &settings.estimator, settings.seed)),
             stop: settings.stop,
-            state,
+            progress,
             n_pairs: 0,
             n_exchanges: 0,
             has_converged: false,
             solution,
         }
+    }
+
+    /// Goes on where another one was left, of the same world, division and settings, to the same result bit for bit.
+    pub fn resume(world: &'a World, division: &'a Division, settings: &Settings, solution: Solution, progress: Progress) -> Self {
+        let mut radiosity = Self::with_system(world, division, solution.system.clone(), settings);
+        let n = solution.system.n();
+        if let Progress::Factors(parts, _) = &progress {
+            radiosity.n_pairs = (0..parts.len()).map(|i| (n - 1 - i) as u64).sum();
+        }
+        if let Some(last) = solution.history.records.last() {
+            (radiosity.n_pairs, radiosity.n_exchanges) = (last.n_pairs, last.n_exchanges);
+            radiosity.has_converged = settings.stop.is_reached(last);
+        } else if let Progress::Gathering(..) = &progress {
+            radiosity.n_pairs = n as u64 * (n as u64).saturating_sub(1) / 2;
+        }
+        (radiosity.solution, radiosity.progress) = (solution, progress);
+        radiosity
+    }
+
+    /// What [`Self::resume`] wants beside the solution.
+    pub fn progress(&self) -> &Progress {
+        &self.progress
     }
 
     /// What has become of it.
@@ -207,15 +232,15 @@ impl<'a> Radiosity<'a> {
 
     /// The matrix of form factors, once it is whole and while it is needed.
     pub fn matrix(&self) -> Option<&Matrix> {
-        match &self.state {
-            State::Gathering(matrix, _) => Some(matrix),
+        match &self.progress {
+            Progress::Gathering(matrix, _) => Some(matrix),
             _ => None,
         }
     }
 
     /// Some more rows of the matrix, or the whole when all are there. Returns the fraction that is done, by pairs.
     fn make_matrix(&mut self) -> Option<f64> {
-        let (State::Factors(parts, sweep), Some(factors)) = (&mut self.state, &self.factors) else { return None };
+        let (Progress::Factors(parts, sweep), Some(factors)) = (&mut self.progress, &self.factors) else { return None };
         let n = self.solution.system.n();
         if parts.len() < n {
             let of = parts.len()..(parts.len() + ROWS).min(n);
@@ -226,7 +251,7 @@ impl<'a> Radiosity<'a> {
         let matrix = factors.assemble(parts);
         self.solution.row_sums = (0..n).into_par_iter().map(|i| matrix.row_sum(i)).collect();
         self.solution.n_factors = matrix.n_entries();
-        self.state = State::Gathering(matrix, *sweep);
+        self.progress = Progress::Gathering(matrix, *sweep);
         Some(1.0)
     }
 
@@ -238,17 +263,17 @@ impl<'a> Radiosity<'a> {
         let mut escaped = None;
         let Solution { mesh, system, radiosity, irradiance, unshot, row_sums, irradiance_error, .. } = &mut self.solution;
         let mut unknowns = Unknowns { radiosity, irradiance, unshot };
-        match (&mut self.state, &self.factors) {
-            (State::Gathering(matrix, sweep), _) => {
+        match (&mut self.progress, &self.factors) {
+            (Progress::Gathering(matrix, sweep), _) => {
                 gathering::step(system, matrix, *sweep, &mut unknowns);
                 self.n_exchanges += matrix.n_entries() as u64 * if *sweep == Sweep::Jacobi { 1 } else { 2 };
             }
-            (State::Shooting(shooting), Some(factors)) => {
+            (Progress::Shooting(shooting), Some(factors)) => {
                 let work = shooting.step(system, factors, &mut unknowns, row_sums);
-                self.n_pairs += work.rows * (system.n() as u64 - 1);
+                self.n_pairs += work.rows * (system.n() as u64).saturating_sub(1);
                 self.n_exchanges += work.exchanges;
             }
-            (State::Stochastic(stochastic), _) => {
+            (Progress::Stochastic(stochastic), _) => {
                 stochastic.step(world, mesh, system, &mut unknowns, row_sums);
                 error = Some(stochastic.error(system));
                 n_rays = stochastic.n_rays;
@@ -299,7 +324,7 @@ impl Solver for Radiosity<'_> {
                 .max(way(first.change, record.change, self.stop.change))
                 .max(way(first.unshot(), record.unshot(), self.stop.unshot)),
         };
-        let matrix = if matches!(self.state, State::Gathering(..)) { MATRIX } else { 0.0 };
+        let matrix = if matches!(self.progress, Progress::Gathering(..)) { MATRIX } else { 0.0 };
         Step::Working { done: matrix + (1.0 - matrix) * done }
     }
 

@@ -23,7 +23,8 @@ pub enum Solver {
 }
 
 impl Solver {
-    /// What [`Solver::Auto`] stands for: up to 12 000 elements (72 million pairs: a few minutes on one core, and at most 1.2 GB) the matrix is made.
+    /// What [`Solver::Auto`] stands for: up to 12 000 elements (72 million pairs: a few minutes on one core; at most 1.2 GB, twice that while
+    /// it is put together) the matrix is made.
     pub fn for_elements(self, n: usize) -> Self {
         const MATRIX: usize = 12_000;
         match self {

@@ -62,7 +62,7 @@ pub struct Work {
 type KeptRow = Box<[(u32, f32)]>;
 
 /// Shooters and the rows they have used.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Shooting {
     settings: Settings,
     /// The elements of each shooter; those of one are its own block.
