@@ -4,6 +4,7 @@
 
 mod args;
 mod error;
+mod factors;
 mod interrupt;
 mod progress;
 mod render;
@@ -33,6 +34,7 @@ fn run(args: args::Arguments) -> Result<ExitCode, error::Error> {
     match args.verb {
         Some(args::Verb::Render(render)) => render::run(&render, args.json),
         Some(args::Verb::Sheet(sheet)) => sheet::run(&sheet, args.json),
+        Some(args::Verb::Factors(factors)) => factors::run(&factors, args.json),
         Some(args::Verb::Scenes(scenes)) => scenes::run(scenes, args.json),
         Some(args::Verb::Info(info)) => version::info(&info, args.json),
         None => {

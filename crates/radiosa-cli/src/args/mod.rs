@@ -1,5 +1,6 @@
 //! Every option of the command, defined once; help and completions derive from it.
 
+pub(crate) mod factors;
 mod picture;
 mod sheet;
 mod value;
@@ -49,6 +50,8 @@ pub(crate) enum Verb {
     Render(Box<Render>),
     /// Make a labelled sheet of pictures over any two parameters, or a built-in figure
     Sheet(Box<Sheet>),
+    /// Form factors (view factors) between named surfaces, materials or all faces of a scene
+    Factors(Box<factors::Factors>),
     /// List the built-in scenes, or write one as files
     Scenes(Scenes),
     /// Show the recipe inside a picture: how it was made
