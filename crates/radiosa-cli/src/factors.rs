@@ -150,7 +150,8 @@ fn estimator(args: &Args) -> form_factor::Estimator {
     match args.estimator {
         Estimator::Analytic => form_factor::Estimator::Analytic(pair::Settings {
             tolerance: UNOCCLUDED * args.tolerance,
-            rays: [64, 64],
+            // A quarter of them first; the rest where some are blocked.
+            rays: [args.rays.map_or(16, |n| n.div_ceil(4)), args.rays.unwrap_or(64)].map(|n| n as usize),
             clip: (!args.sampled_shadows).then_some(args.tolerance),
         }),
         Estimator::Hemicube => form_factor::Estimator::Hemicube(hemicube::Settings {

@@ -52,7 +52,7 @@ pub(crate) struct Factors {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=10_000_000))]
     pub(crate) elements: Option<u32>,
 
-    /// Error wanted of a factor (analytic): shadows are cut out exactly where there are at most 1024 faces, and sampled by rays where there are more
+    /// Error wanted of a factor (analytic): shadows are cut out exactly where no more than 1024 polygons are in the way, and sampled by rays where there are more
     #[arg(long, value_name = "X", default_value_t = 3e-5, value_parser = parse_positive)]
     pub(crate) tolerance: f64,
 
@@ -60,7 +60,8 @@ pub(crate) struct Factors {
     #[arg(long)]
     pub(crate) sampled_shadows: bool,
 
-    /// Rays of an element (hemisphere); pairs of points of two elements (area) [default: 4096; 64]
+    /// Rays of an element (hemisphere); pairs of points of two elements (area), or rays between them, at most 64 (analytic with sampled shadows)
+    /// [default: 4096; 64; 64]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 28))]
     pub(crate) rays: Option<u32>,
 

@@ -209,7 +209,7 @@ impl Between {
         let [difference, sum] = differences.iter().fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
         Report {
             row_sums: [
-                sums.iter().copied().fold(f64::INFINITY, f64::min),
+                sums.iter().copied().reduce(f64::min).unwrap_or(0.0),
                 if whole > 0.0 { mean } else { 0.0 },
                 sums.iter().copied().fold(0.0, f64::max),
             ],

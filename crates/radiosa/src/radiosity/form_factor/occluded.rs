@@ -9,7 +9,7 @@
 //! seen from both sides.
 
 use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+use std::collections::{BinaryHeap, HashMap};
 
 use super::analytic::{self, gauss_legendre, point_to_visible_polygon};
 use crate::math::DVec3;
@@ -23,6 +23,9 @@ const MAX_PIECES: usize = 512;
 
 /// Where a kink passes two rules may agree and both be wrong: the changes asked for are smaller than the error wanted.
 const SAFETY: f64 = 0.25;
+
+/// Pairs that exchange less than this times what may be wrong take one rule.
+const COARSE: f64 = 8.0;
 
 /// Smaller than this in units of the lengths that make it, a side of a cone is none.
 const TINY: f64 = 1e-12;
@@ -78,8 +81,78 @@ pub(super) fn exchange_past(
     // A shadow that falls between the points of a cell is never looked for: the more is at stake, the smaller are the first cells.
     let halvings = if free > 0.02 * smaller { 2 } else { u32::from(free > 1e-3 * smaller) };
     let mut integrand = |p: DVec3| hidden_from_point(p, normal, b, occluders, scratch);
+    if free < COARSE * tolerance * smaller {
+        // So little is at stake that one rule does. How far off it is nobody knows: a tenth of what is doubtful, say.
+        let corners = [a[0], a[1], a[2], a[a.len() - 1]];
+        let hidden = if a.len() <= 4 {
+            by_rule(&corners, 0, &mut integrand)
+        } else {
+            integrate(a, 0, f64::INFINITY, &mut integrand).value
+        };
+        return Estimate { value: (free - hidden).clamp(0.0, free), error: 0.1 * hidden.min(free - hidden).max(0.0) };
+    }
     let hidden = integrate(a, halvings, SAFETY * tolerance * smaller, &mut integrand);
     Estimate { value: (free - hidden.value).clamp(0.0, free), error: hidden.error }
+}
+
+/// Joins coplanar convex polygons that share an edge to larger ones, as long as these are convex: the faces of a finely divided wall to the wall.
+pub(super) fn merge(mut polygons: Vec<Vec<DVec3>>) -> Vec<Vec<DVec3>> {
+    let key = |p: DVec3| (p + DVec3::ZERO).to_array().map(f64::to_bits);
+    let mut by_edge: HashMap<[[u64; 3]; 2], usize> = HashMap::new();
+    let edges = |polygon: &[DVec3]| -> Vec<[DVec3; 2]> {
+        (0..polygon.len()).map(|i| [polygon[i], polygon[(i + 1) % polygon.len()]]).collect()
+    };
+    for (i, polygon) in polygons.iter().enumerate() {
+        for [a, b] in edges(polygon) {
+            by_edge.insert([key(a), key(b)], i);
+        }
+    }
+    for i in (0..polygons.len()).chain(0..polygons.len()) {
+        // As far as it goes; the second time rows of cells join to areas.
+        'grow: loop {
+            for [a, b] in edges(&polygons[i]) {
+                let Some(&j) = by_edge.get(&[key(b), key(a)]).filter(|&&j| j != i && !polygons[j].is_empty()) else { continue };
+                let Some(union) = union(&polygons[i], &polygons[j], [a, b]) else { continue };
+                polygons[j].clear();
+                polygons[i] = union;
+                for [a, b] in edges(&polygons[i]) {
+                    by_edge.insert([key(a), key(b)], i);
+                }
+                continue 'grow;
+            }
+            break;
+        }
+    }
+    polygons.retain(|polygon| !polygon.is_empty());
+    polygons
+}
+
+/// Two polygons that share the edge from `a` to `b`, the second the other way around, as one; `None` when that is not flat and convex.
+fn union(first: &[DVec3], second: &[DVec3], [a, b]: [DVec3; 2]) -> Option<Vec<DVec3>> {
+    let normal = area_vector(first).normalize_or_zero();
+    if area_vector(second).normalize_or_zero().dot(normal) < 1.0 - 1e-12 {
+        return None;
+    }
+    let from = |polygon: &[DVec3], start: DVec3| -> Option<Vec<DVec3>> {
+        let at = polygon.iter().position(|&p| p == start)?;
+        Some(polygon[at..].iter().chain(&polygon[..at]).copied().collect())
+    };
+    // The first from b on to before a, the second from a on to before b.
+    let (mut ring, rest) = (from(first, b)?, from(second, a)?);
+    ring.pop();
+    ring.extend(&rest[..rest.len() - 1]);
+    let n = ring.len();
+    let turn = |i: usize| {
+        let (before, here, after) = (ring[(i + n - 1) % n], ring[i], ring[(i + 1) % n]);
+        (here - before).cross(after - here).dot(normal) / ((here - before).length() * (after - here).length())
+    };
+    let turns: Vec<f64> = (0..n).map(turn).collect();
+    if !turns.iter().all(|&t| t > -1e-12) || ring.iter().any(|p| ((*p - a).dot(normal)).abs() > 1e-12 * (*p - a).length()) {
+        return None;
+    }
+    // Corners that are none any more go.
+    let corners: Vec<DVec3> = ring.iter().zip(&turns).filter(|(_, turn)| **turn > 1e-12).map(|(p, _)| *p).collect();
+    (corners.len() >= 3).then_some(corners)
 }
 
 /// Something of `o` may lie between the fronts of `a` and `b`: false is certain.
@@ -278,3 +351,24 @@ fn by_rule([a, b, c, d]: &[DVec3; 4], which: usize, f: &mut impl FnMut(DVec3) ->
 }
 
 static RULES: std::sync::LazyLock<[Vec<[f64; 2]>; 2]> = std::sync::LazyLock::new(|| [3, 4].map(gauss_legendre));
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_divided_square_is_joined_and_what_is_not_convex_is_left_apart() {
+        let cell = |i: u32, j: u32| {
+            let corner = |i: u32, j: u32| DVec3::new(f64::from(i) * 0.25, f64::from(j) * 0.5, 1.0);
+            vec![corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)]
+        };
+        let cells = |n: u32| (0..n * n).map(|k| cell(k % n, k / n)).collect::<Vec<_>>();
+        let whole = merge(cells(5));
+        assert_eq!(whole.len(), 1, "{whole:?}");
+        assert_eq!(area_vector(&whole[0]), DVec3::Z * (1.25 * 2.5));
+        // One cell missing at a corner: an L.
+        let parts = merge(cells(5)[1..].to_vec());
+        assert!((2..=3).contains(&parts.len()), "{parts:?}");
+        assert!((parts.iter().map(|p| area_vector(p).z).sum::<f64>() - 24.0 * 0.125).abs() < 1e-12);
+    }
+}

@@ -14,14 +14,21 @@ use super::occluded::{self, Estimate};
 use super::rule::{self, Node};
 use super::visibility::{self, Visibility};
 use crate::math::lanes::{Cpu, for_each_cpu};
+use crate::math::polygon::area_vector;
 use crate::math::{CpuPath, DVec3};
 use crate::radiosity::mesh::{Element, ElementMesh};
 use crate::radiosity::patch::Patch;
 use crate::scene::Geometry;
 use crate::transport::World;
 
-/// More patches than this are not tried one by one as occluders of every pair.
+/// More occluders than this are not tried one by one for every pair.
 const MAX_OCCLUDERS: usize = 1024;
+
+/// The same where shadows are sampled: a few rays take as long as so many tests.
+const FEW_OCCLUDERS: usize = 32;
+
+/// With more patches than this nobody asks which of them are occluders.
+const MAX_PATCHES: usize = 8192;
 
 /// Up to as many patches, what may lie between each two of them is found once.
 const FEW_PATCHES: usize = 256;
@@ -34,7 +41,7 @@ pub struct Settings {
     /// Rays between two elements, and in all when some of them are blocked; at most 64.
     pub rays: [usize; 2],
     /// Cuts the shadows of what stands between two elements out of what they exchange, until the factor is about this exact, in place of rays;
-    /// where there are at most 1024 patches and nothing but opaque polygons.
+    /// where nothing but opaque polygons blocks, and no more than 1024 of them.
     pub clip: Option<f64>,
 }
 
@@ -57,16 +64,17 @@ pub struct Pairs<'a> {
     bounds: Vec<Bound>,
     /// Four and nine points of each element.
     nodes: [Vec<Node>; 2],
-    occluders: Option<Occluders<'a>>,
+    clip: Option<f64>,
+    occluders: Option<Occluders>,
     blocks: Option<Blocks>,
 }
 
-/// What may stand between elements when shadows are cut out.
+/// What may stand between elements.
 #[derive(Debug)]
-struct Occluders<'a> {
-    tolerance: f64,
-    patches: &'a [Patch],
-    /// For each pair of patches, the lower first: those that may stand between them. Empty when there are too many pairs.
+struct Occluders {
+    polygons: Vec<Vec<DVec3>>,
+    n_patches: usize,
+    /// For each pair of patches, the lower first: the polygons that may stand between them. Empty when there are too many pairs.
     between: Vec<Vec<u32>>,
 }
 
@@ -98,9 +106,11 @@ impl<'a> Pairs<'a> {
             nodes
         });
         let visibility = Visibility::new(world, mesh, settings.rays, seed);
-        let occluders = settings.clip.filter(|_| can_clip(world, mesh)).map(|t| Occluders::new(mesh.patches(), t));
+        let most = if settings.clip.is_some() { MAX_OCCLUDERS } else { FEW_OCCLUDERS };
+        let occluders = if is_opaque(world, mesh) { Occluders::new(mesh.patches(), most) } else { None };
         Self {
             elements,
+            clip: settings.clip,
             blocks: if occluders.is_none() { Blocks::new(elements, &visibility) } else { None },
             occluders,
             visibility,
@@ -114,7 +124,7 @@ impl<'a> Pairs<'a> {
 
     /// Shadows are cut out, not sampled.
     pub fn is_clipping(&self) -> bool {
-        self.occluders.is_some()
+        self.clip.is_some() && self.occluders.is_some()
     }
 
     /// `A_i F_ij = A_j F_ji`, m²; the error is that of the visible fraction, one standard deviation of independent rays.
@@ -130,7 +140,12 @@ impl<'a> Pairs<'a> {
         if let Some(occluders) = &self.occluders {
             let (ca, cb) = (a.corners(), b.corners());
             let between: Vec<&[DVec3]> = occluders.of(a.patch, b.patch).filter(|o| occluded::may_block(ca, cb, o)).collect();
-            return occluded::exchange_past(exact, ca, cb, &between, occluders.tolerance, &mut scratch.occluded);
+            if between.is_empty() {
+                return Estimate { value: exact, error: 0.0 };
+            }
+            if let Some(tolerance) = self.clip {
+                return occluded::exchange_past(exact, ca, cb, &between, tolerance, &mut scratch.occluded);
+            }
         }
         let [fraction, error] = self.visibility.fraction((i, a), (j, b), &mut scratch.visibility);
         Estimate { value: exact * fraction, error: exact * error }
@@ -171,32 +186,50 @@ impl<'a> Pairs<'a> {
     }
 }
 
-/// Everything that blocks is an opaque polygon, and they are few.
-fn can_clip(world: &World, mesh: &ElementMesh) -> bool {
+/// Everything that blocks is an opaque polygon, and there are not too many.
+fn is_opaque(world: &World, mesh: &ElementMesh) -> bool {
     let meshes_only = world.scene().instances.iter().all(|i| matches!(i.geometry, Geometry::Mesh(_)));
-    meshes_only && !world.has_transparency() && mesh.patches().len() <= MAX_OCCLUDERS
+    meshes_only && !world.has_transparency() && mesh.patches().len() <= MAX_PATCHES
 }
 
-impl<'a> Occluders<'a> {
-    fn new(patches: &'a [Patch], tolerance: f64) -> Self {
+impl Occluders {
+    /// `None` when there are more than `most`.
+    fn new(patches: &[Patch], most: usize) -> Option<Self> {
+        let corners = || patches.iter().flat_map(Patch::corners);
+        // What has everything on one side, as the walls of a convex room have, is in nobody's way.
+        let is_outermost = |patch: &&Patch| {
+            let (origin, normal) = (patch.corners()[0], area_vector(patch.corners()).normalize_or_zero());
+            let (mut low, mut high, mut reach) = (0.0f64, 0.0f64, 0.0f64);
+            for d in corners().map(|c| *c - origin) {
+                let h = d.dot(normal);
+                (low, high, reach) = (low.min(h), high.max(h), reach.max(d.abs().max_element()));
+            }
+            low >= -1e-9 * reach || high <= 1e-9 * reach
+        };
+        let polygons: Vec<Vec<DVec3>> =
+            patches.par_iter().filter(|patch| !is_outermost(patch)).map(|patch| patch.corners().to_vec()).collect();
+        let polygons = occluded::merge(polygons);
+        if polygons.len() > most {
+            return None;
+        }
         let n = patches.len();
-        let between = if n <= FEW_PATCHES {
+        let between = if n <= FEW_PATCHES && polygons.len() > 8 {
             let pair = |k: usize| {
                 let (a, b) = (patches[k / n].corners(), patches[k % n].corners());
-                let crosses = |&o: &u32| occluded::crosses(a, b, patches[o as usize].corners());
-                if k / n <= k % n { (0..n as u32).filter(crosses).collect() } else { Vec::new() }
+                let crosses = |&o: &u32| occluded::crosses(a, b, &polygons[o as usize]);
+                if k / n <= k % n { (0..polygons.len() as u32).filter(crosses).collect() } else { Vec::new() }
             };
             (0..n * n).into_par_iter().map(pair).collect()
         } else {
             Vec::new()
         };
-        Self { tolerance, patches, between }
+        Some(Self { polygons, n_patches: n, between })
     }
 
-    fn of(&self, a: u32, b: u32) -> impl Iterator<Item = &'a [DVec3]> {
-        let list = self.between.get(a.min(b) as usize * self.patches.len() + a.max(b) as usize);
-        let all = list.is_none().then_some(0..self.patches.len() as u32);
-        list.into_iter().flatten().copied().chain(all.into_iter().flatten()).map(|o| self.patches[o as usize].corners())
+    fn of(&self, a: u32, b: u32) -> impl Iterator<Item = &[DVec3]> {
+        let list = self.between.get(a.min(b) as usize * self.n_patches + a.max(b) as usize);
+        let all = list.is_none().then_some(0..self.polygons.len() as u32);
+        list.into_iter().flatten().copied().chain(all.into_iter().flatten()).map(|o| self.polygons[o as usize].as_slice())
     }
 }
 
