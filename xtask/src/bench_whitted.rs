@@ -95,7 +95,7 @@ impl Cost {
 }
 
 /// User and system time of the children that have ended: fields 16 and 17 of `/proc/self/stat`, in hundredths of a second.
-fn children_time() -> Result<f64> {
+pub(crate) fn children_time() -> Result<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat").context("this needs Linux's /proc")?;
     let after_name = stat.rsplit(')').next().unwrap_or_default();
     let fields: Vec<f64> = after_name.split_whitespace().skip(13).take(2).filter_map(|f| f.parse().ok()).collect();

@@ -1,5 +1,6 @@
 //! `cargo xtask …`: the chores of the project.
 
+mod bench_factors;
 mod bench_rays;
 mod bench_scanline;
 mod bench_whitted;
@@ -11,6 +12,7 @@ use anyhow::{Context, Result, bail};
 const HELP: &str = "\
 cargo xtask test [FILTER…]   install what tests need, then run every test
 cargo xtask bench rays       ray queries beside Embree (Debian's libembree-dev)
+cargo xtask bench factors    form factors beside pyviewfactor (from PyPI, into target/)
 cargo xtask bench scanline   scan line beside software OpenGL (Debian's libegl1, libgl1-mesa-dri)
 cargo xtask bench whitted    Whitted ray tracing beside POV-Ray (Debian's povray)
 cargo xtask figure convergence [SCENE] [OUTPUT.svg] [ELEMENTS]   how the radiosity solvers converge over work and time
@@ -23,6 +25,7 @@ fn main() -> ExitCode {
     let done = match words.as_slice() {
         ["test", rest @ ..] => test(rest),
         ["bench", "rays", ..] => bench_rays::run(&args[2..]),
+        ["bench", "factors", ..] => bench_factors::run(&args[2..]),
         ["bench", "scanline", ..] => bench_scanline::run(&args[2..]),
         ["bench", "whitted", ..] => bench_whitted::run(&args[2..]),
         ["figure", "convergence", rest @ ..] => figure_convergence(rest),

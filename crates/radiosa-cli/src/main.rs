@@ -4,6 +4,7 @@
 
 mod args;
 mod error;
+mod factors;
 mod interrupt;
 mod measure;
 mod progress;
@@ -36,6 +37,7 @@ fn run(args: args::Arguments) -> Result<ExitCode, error::Error> {
         Some(args::Verb::Render(render)) => render::run(&render, args.json),
         Some(args::Verb::Sheet(sheet)) => sheet::run(&sheet, args.json),
         Some(args::Verb::Measure(measure)) => measure::run(&measure, args.json),
+        Some(args::Verb::Factors(factors)) => factors::run(&factors, args.json),
         Some(args::Verb::Scenes(scenes)) => scenes::run(scenes, args.json),
         Some(args::Verb::Info(info)) => version::info(&info, args.json),
         None => {

@@ -2,6 +2,7 @@
 //! agree with the engine by sharing its mistakes.
 
 pub mod brdf;
+pub mod form_factor;
 pub mod image;
 pub mod optics;
 

@@ -111,7 +111,7 @@ fn box_faces(size: DVec3, emission: &[f64], reflectance: &[f64]) -> Vec<Face> {
 
 fn exact(tolerance: f64) -> Estimator {
     // Nothing is between elements of convex rooms: one ray will do.
-    Estimator::Analytic(pair::Settings { tolerance, rays: [1, 1] })
+    Estimator::Analytic(pair::Settings { tolerance, rays: [1, 1], ..pair::Settings::default() })
 }
 
 /// One element for each face, or cells of `size`; fronts only.
@@ -139,7 +139,11 @@ fn deterministic() -> Vec<(&'static str, Method)> {
 /// Solves step by step; the balance must hold after every one.
 fn solve(world: &World, settings: &radiosity::Settings, change: impl Fn(&mut System)) -> Solution {
     let division = Division::new(world, settings);
-    let mut system = radiosity::solution::system(world, division.mesh(), settings);
+    let mut system = radiosity::solution::system(
+        world,
+        division.mesh(),
+        &radiosa::radiosity::direct::DirectLight::new(world, &settings.extra_lights, settings.seed),
+    );
     change(&mut system);
     let mut radiosity = Radiosity::with_system(world, &division, system, settings);
     let random = matches!(settings.solver, Method::Stochastic(_));
@@ -398,9 +402,11 @@ fn furnaces_are_the_same_everywhere() {
         for &tolerance in tolerances {
             let mut settings = settings(Method::GaussSeidel, size, tolerance);
             if highest < 0.99 {
-                settings.estimator = Estimator::Analytic(pair::Settings { tolerance, rays: [64, 64] });
+                settings.estimator =
+                    Estimator::Analytic(pair::Settings { tolerance, rays: [64, 64], ..pair::Settings::default() });
             }
-            let mesh = mesh::ElementMesh::new(&world, &settings.mesh);
+            let mesh =
+                mesh::ElementMesh::new(&world, &settings.mesh, &radiosa::radiosity::direct::DirectLight::new(&world, &[], 0));
             let matrix = Factors::new(&world, &mesh, &settings.estimator, 0).matrix();
             let area: Vec<f64> = mesh.elements().iter().map(|e| e.area).collect();
             let errors = furnace_errors(&matrix, &area, highest);
@@ -616,7 +622,7 @@ fn refined_meshes_cover_their_patches_once() {
     for faces in [tetrahedron, quads, sphere(1.0, &[(1.0, 0.0, 0.5)], 8)] {
         let world = world(&faces, Vec::new());
         let settings = mesh::Settings { elements: 0, size: Some(0.4), sides: mesh::Sides::Both };
-        let mut mesh = mesh::ElementMesh::new(&world, &settings);
+        let mut mesh = mesh::ElementMesh::new(&world, &settings, &radiosa::radiosity::direct::DirectLight::new(&world, &[], 0));
         let area = |mesh: &mesh::ElementMesh| mesh.elements().iter().map(|e| e.area).sum::<f64>();
         let whole = area(&mesh);
         for level in 0..4u64 {
@@ -626,7 +632,7 @@ fn refined_meshes_cover_their_patches_once() {
             assert!((area(&mesh) / whole - 1.0).abs() < 1e-12);
             let marked: Vec<bool> =
                 (0..mesh.elements().len() as u64).map(|i| radiosa::sampling::rng::key(&[level, i]).is_multiple_of(5)).collect();
-            let refined = mesh.refined(&marked);
+            let refined = mesh.refined(&world, &radiosa::radiosity::direct::DirectLight::new(&world, &[], 0), &marked);
             assert!(refined.elements().len() > mesh.elements().len());
             mesh = refined;
         }

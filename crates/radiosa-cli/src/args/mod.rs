@@ -1,5 +1,6 @@
 //! Every option of the command, defined once; help and completions derive from it.
 
+pub(crate) mod factors;
 mod measure;
 mod picture;
 mod radiosity;
@@ -57,6 +58,8 @@ pub(crate) enum Verb {
     Sheet(Box<Sheet>),
     /// Measure irradiance or illuminance at points or on a grid
     Measure(Box<Measure>),
+    /// Form factors (view factors) between named surfaces, materials or all faces of a scene
+    Factors(Box<factors::Factors>),
     /// List the built-in scenes, or write one as files
     Scenes(Scenes),
     /// Show the recipe inside a picture: how it was made

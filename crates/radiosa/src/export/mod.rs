@@ -4,6 +4,7 @@
 //! whole. What can be known to fail ([`check_target`]) is asked before the first ray.
 
 pub mod image;
+pub mod matrix;
 mod target;
 
 pub use target::{ExportError, check_writable, write_atomically};

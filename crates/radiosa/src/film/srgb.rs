@@ -63,7 +63,7 @@ impl Encoded {
     }
 
     fn at(&self, x: f32) -> u8 {
-        if !(x >= f32::from_bits(Self::SMALLEST)) {
+        if x.is_nan() || x < f32::from_bits(Self::SMALLEST) {
             return 0;
         }
         let bits = x.min(1.0).to_bits();

@@ -11,6 +11,8 @@ mod picture;
 mod resolve;
 pub mod sample;
 mod scene_file;
+mod stl;
+mod vs3;
 
 pub use error::{ImportError, Location, Warning, Warnings};
 pub use picture::decode as decode_picture;
@@ -38,7 +40,7 @@ impl Default for Options {
 }
 
 /// The endings [`load`] knows.
-pub const ENDINGS: [&str; 4] = ["toml", "obj", "gltf", "glb"];
+pub const ENDINGS: [&str; 6] = ["toml", "obj", "gltf", "glb", "stl", "vs3"];
 
 /// Reads a scene of any known format; the ending says which.
 ///
@@ -128,6 +130,8 @@ fn reader(path: &Path) -> Result<Read, ImportError> {
         "gltf" | "glb" => Ok(gltf::read),
         "obj" => Ok(obj::read),
         "toml" => Ok(scene_file::read),
+        "stl" => Ok(stl::read),
+        "vs3" => Ok(vs3::read),
         _ => Err(ImportError::Unsupported {
             path: path.to_path_buf(),
             feature: if ending.is_empty() { "a file ending".into() } else { format!("a reader for .{ending} files") },

@@ -81,7 +81,7 @@ impl<'a> DirectLight<'a> {
             let mut taken = 0;
             for n_points in POINTS {
                 for k in taken..n_points {
-                    let h = self.from_lights(&surface(k), n);
+                    let h = self.of_lights(&surface(k), n);
                     (low, high) = (low.min(h.luminance()), high.max(h.luminance()));
                     [h.r, h.g, h.b].into_iter().zip(&mut sum).for_each(|(h, s)| *s += f64::from(h));
                 }
@@ -93,7 +93,7 @@ impl<'a> DirectLight<'a> {
             sum = sum.map(|s| s / f64::from(taken));
         }
         if self.has_sky() {
-            let sky = (0..SKY_RAYS).map(|k| self.from_sky(&surface(k), n, k, key)).sum::<Spectrum>() * (1.0 / SKY_RAYS as f32);
+            let sky = (0..SKY_RAYS).map(|k| self.of_sky(&surface(k), n, k, key)).sum::<Spectrum>() * (1.0 / SKY_RAYS as f32);
             [sky.r, sky.g, sky.b].into_iter().zip(&mut sum).for_each(|(h, s)| *s += f64::from(h));
         }
         let exposed = element.exposed().max(1e-6);
@@ -102,29 +102,29 @@ impl<'a> DirectLight<'a> {
 
     /// The irradiance at a point, seen from the side of `n` (unit); `key` names the sensor.
     pub fn at(&self, surface: &Surface, n: Vec3, key: u64) -> Spectrum {
-        let mut sum = if self.has_lights { self.from_lights(surface, n) } else { Spectrum::BLACK };
+        let mut sum = if self.has_lights { self.of_lights(surface, n) } else { Spectrum::BLACK };
         if self.has_sky() {
             let rays = 4 * SKY_RAYS;
-            sum += (0..rays).map(|k| self.from_sky(surface, n, k, key)).sum::<Spectrum>() * (1.0 / rays as f32);
+            sum += (0..rays).map(|k| self.of_sky(surface, n, k, key)).sum::<Spectrum>() * (1.0 / rays as f32);
         }
         sum
     }
 
     /// Some light with a place or a direction sees a point on the side of `n` (unit).
     pub fn reaches(&self, surface: &Surface, n: Vec3) -> bool {
-        self.has_lights && !self.from_lights(surface, n).is_black()
+        self.has_lights && !self.of_lights(surface, n).is_black()
     }
 
     /// Lights with a place or a direction.
-    fn from_lights(&self, surface: &Surface, n: Vec3) -> Spectrum {
+    fn of_lights(&self, surface: &Surface, n: Vec3) -> Spectrum {
         // A white surface shows E/π.
         let white = Shading { n, wo: n, bsdf: Bsdf::lambert(Spectrum::WHITE), emission: Spectrum::BLACK, coverage: 1.0 };
         self.lights.at(self.world, surface, &white, true, &mut 0).diffuse * std::f32::consts::PI
     }
 
     /// One ray of a cosine-weighted set: `E = π · mean L`.
-    fn from_sky(&self, surface: &Surface, n: Vec3, k: u32, key: u64) -> Spectrum {
-        let dir = Frame::from_normal(n).to_world(warp::cosine_hemisphere(sequence::point_2d(k, key ^ 0x736B_79)));
+    fn of_sky(&self, surface: &Surface, n: Vec3, k: u32, key: u64) -> Spectrum {
+        let dir = Frame::from_normal(n).to_world(warp::cosine_hemisphere(sequence::point_2d(k, key ^ 0x0073_6B79)));
         let radiance = self.sky_radiance(dir);
         if radiance.is_black() {
             return radiance;

@@ -13,6 +13,7 @@
 //!
 //! Only diffuse reflection takes part: other lobes are left to methods that trace rays.
 
+pub mod between;
 pub mod direct;
 pub mod display;
 mod exposure;

@@ -20,6 +20,25 @@ fn sobol(index: u32) -> [u32; 2] {
     [index.reverse_bits(), second]
 }
 
+/// The third and fourth dimension: primitive polynomials x² + x + 1 and x³ + x + 1, initial numbers 1, 3 and 1, 3, 1 [Joe08].
+fn sobol_more(index: u32) -> [u32; 2] {
+    let (mut a, mut b) = (0, 0);
+    let mut third = [1u32 << 31, 3 << 30];
+    let mut fourth = [1u32 << 31, 3 << 30, 1 << 29];
+    let mut i = index;
+    while i != 0 {
+        if i & 1 == 1 {
+            a ^= third[0];
+            b ^= fourth[0];
+        }
+        // v_k = v_(k−1) ⊕ v_(k−2) ⊕ v_(k−2)/4, and v_k = v_(k−2) ⊕ v_(k−3) ⊕ v_(k−3)/8.
+        third = [third[1], third[1] ^ third[0] ^ (third[0] >> 2)];
+        fourth = [fourth[1], fourth[2], fourth[1] ^ fourth[0] ^ (fourth[0] >> 3)];
+        i >>= 1;
+    }
+    [a, b]
+}
+
 /// Nested uniform (Owen) scrambling of a 32-bit fraction: flips each bit by a hash of the bits above it.
 fn scramble(x: u32, seed: u32) -> u32 {
     let mut x = x.reverse_bits().wrapping_add(seed);
@@ -36,6 +55,16 @@ pub fn point_2d(index: u32, key: u64) -> Vec2 {
     let seeds = rng::mix(key ^ 0x5851_F42D_4C95_7F2D);
     let [x, y] = sobol(scramble(index, order));
     Vec2::new(unit_f32(scramble(x, (seeds >> 32) as u32)), unit_f32(scramble(y, seeds as u32)))
+}
+
+/// Point `index` of the four-dimensional set that `key` names: what a ray from somewhere of a surface to somewhere needs. The first two dimensions
+/// are as even as those of [`point_2d`], and so are, nearly, the last two and all four together.
+pub fn point_4d(index: u32, key: u64) -> [Vec2; 2] {
+    let index = scramble(index, (rng::mix(key) >> 32) as u32);
+    let seeds = [0x5851_F42D_4C95_7F2D, 0x1405_7B7E_F767_814F].map(|word| rng::mix(key ^ word));
+    let pair =
+        |[x, y]: [u32; 2], seed: u64| Vec2::new(unit_f32(scramble(x, (seed >> 32) as u32)), unit_f32(scramble(y, seed as u32)));
+    [pair(sobol(index), seeds[0]), pair(sobol_more(index), seeds[1])]
 }
 
 /// Where sample `sample` of `n_samples` falls in its pixel, in `[0, 1)²`: the centre when there is only one, else well distributed over the
@@ -77,6 +106,29 @@ mod tests {
         let mut stream = rng::Stream::new(1, 2, 3);
         let random: Vec<_> = (0..256).map(|_| stream.next_2d()).collect();
         assert!(violations(&random) > 100);
+    }
+
+    #[test]
+    fn all_dimensions_of_four_are_stratified_and_products_of_them_converge_faster_than_chance() {
+        for key in 0..20 {
+            let points: Vec<_> = (0..256).map(|i| point_4d(i, key)).collect();
+            assert_eq!(violations(&points.iter().map(|p| p[0]).collect::<Vec<_>>()), 0, "key {key}");
+            for axis in [|p: &[Vec2; 2]| p[1].x, |p: &[Vec2; 2]| p[1].y] {
+                let mut cells: Vec<u32> = points.iter().map(|p| (axis(p) * 256.0) as u32).collect();
+                cells.sort_unstable();
+                assert!(cells.iter().enumerate().all(|(i, &c)| c == i as u32), "key {key}");
+            }
+        }
+        // ∫ Π (x_k + ½) = 1 over the four dimensions, which no sum over fewer of them is.
+        let rms = |n: u32| {
+            let squares = (0..64).map(|key| {
+                let product = |p: [Vec2; 2]| f64::from((p[0] + 0.5).element_product() * (p[1] + 0.5).element_product());
+                ((0..n).map(|i| product(point_4d(i, key))).sum::<f64>() / f64::from(n) - 1.0).powi(2)
+            });
+            (squares.sum::<f64>() / 64.0).sqrt()
+        };
+        let slope = (rms(4096) / rms(64)).ln() / 64f64.ln();
+        assert!(slope < -1.0, "slope {slope}");
     }
 
     #[test]

@@ -8,6 +8,11 @@
 //! Every solver asks for nothing else, but that [`Factors::matrix`] takes the whole at once where pairs can be shared.
 
 pub mod analytic;
+pub mod area;
+mod cull;
+pub mod hemicube;
+pub mod hemisphere;
+pub mod occluded;
 pub mod pair;
 mod rule;
 pub mod visibility;
@@ -23,6 +28,12 @@ use crate::transport::World;
 pub enum Estimator {
     /// Exact factors of polygons times the visible fraction weighted by the kernel.
     Analytic(pair::Settings),
+    /// Item buffers on half a cube around source points.
+    Hemicube(hemicube::Settings),
+    /// Rays over the hemisphere.
+    Hemisphere(hemisphere::Settings),
+    /// The double integral sampled.
+    Area(area::Settings),
 }
 
 impl Default for Estimator {
@@ -43,20 +54,68 @@ pub struct Factors<'a> {
 
 #[derive(Debug)]
 enum Kind<'a> {
-    Analytic(pair::Pairs<'a>),
+    Analytic(Box<pair::Pairs<'a>>),
+    Hemicube(hemicube::Hemicube<'a>),
+    Hemisphere(hemisphere::Hemisphere<'a>),
+    Area(area::Area<'a>),
 }
 
 /// What a thread needs while it asks for rows.
 #[derive(Debug, Default)]
 pub struct Scratch {
     pair: pair::Scratch,
+    area: visibility::Scratch,
+    hemicube: hemicube::Scratch,
+    sums: Sums,
+    /// Of every entry of the row asked for last: the variance of its estimate, where estimates vary; sampled more evenly than by chance they vary less.
+    pub variances: Vec<f64>,
+    /// Rays traced so far.
+    pub n_rays: u64,
+}
+
+/// A row while its parts come in, in any order.
+#[derive(Debug, Default)]
+struct Sums {
+    /// By element: the sum of the parts and that of their squares.
+    parts: Vec<[f64; 2]>,
+    touched: Vec<u32>,
+}
+
+impl Sums {
+    fn add(&mut self, j: u32, part: f64) {
+        if self.parts.len() <= j as usize {
+            self.parts.resize(j as usize + 1, [0.0; 2]);
+        }
+        let sums = &mut self.parts[j as usize];
+        if sums[0] == 0.0 {
+            self.touched.push(j);
+        }
+        sums[0] += part;
+        sums[1] += part * part;
+    }
+
+    /// Empties it into a row. The variance is that of independent parts: `Σ w² (1 − F)`, which is `F (1 − F)/n` for equal ones.
+    fn drain(&mut self, row: &mut Row, variances: &mut Vec<f64>) {
+        self.touched.sort_unstable();
+        self.touched.dedup();
+        for j in self.touched.drain(..) {
+            let [factor, squares] = std::mem::take(&mut self.parts[j as usize]);
+            if factor > 0.0 {
+                row.push((j, factor));
+                variances.push(squares * (1.0 - factor).max(0.0));
+            }
+        }
+    }
 }
 
 impl<'a> Factors<'a> {
     /// Makes an estimator ready.
-    pub fn new(world: &'a World, mesh: &'a ElementMesh, estimator: &Estimator, _seed: u64) -> Self {
+    pub fn new(world: &'a World, mesh: &'a ElementMesh, estimator: &Estimator, seed: u64) -> Self {
         let kind = match estimator {
-            Estimator::Analytic(settings) => Kind::Analytic(pair::Pairs::new(world, mesh, settings)),
+            Estimator::Analytic(settings) => Kind::Analytic(Box::new(pair::Pairs::new(world, mesh, settings))),
+            Estimator::Hemicube(settings) => Kind::Hemicube(hemicube::Hemicube::new(world, mesh, settings, seed)),
+            Estimator::Hemisphere(settings) => Kind::Hemisphere(hemisphere::Hemisphere::new(world, mesh, settings, seed)),
+            Estimator::Area(settings) => Kind::Area(area::Area::new(world, mesh, settings, seed)),
         };
         Self { mesh, kind }
     }
@@ -66,50 +125,78 @@ impl<'a> Factors<'a> {
         self.mesh
     }
 
-    /// The factors from element `i` to every other. Rays traced are counted in `scratch`.
+    /// The factors from element `i` to every other, with their variances in `scratch`.
     pub fn row(&self, i: u32, row: &mut Row, scratch: &mut Scratch) {
         row.clear();
+        scratch.variances.clear();
+        let area = self.mesh.elements()[i as usize].area;
         match &self.kind {
-            Kind::Analytic(pairs) => {
-                let area = self.mesh.elements()[i as usize].area;
-                if area <= 0.0 {
-                    return;
-                }
+            Kind::Analytic(_) | Kind::Area(_) if area <= 0.0 => {}
+            Kind::Analytic(_) | Kind::Area(_) => {
                 for j in (0..self.mesh.elements().len() as u32).filter(|&j| j != i) {
-                    let exchange = pairs.exchange_area(i.min(j), i.max(j), &mut scratch.pair);
+                    let [exchange, variance] = self.exchange_area(i.min(j), i.max(j), scratch);
                     if exchange > 0.0 {
                         row.push((j, exchange / area));
+                        scratch.variances.push(variance / (area * area));
                     }
                 }
+            }
+            Kind::Hemicube(hemicube) => {
+                hemicube.row(i, &mut scratch.sums, &mut scratch.hemicube);
+                scratch.sums.drain(row, &mut scratch.variances);
+            }
+            Kind::Hemisphere(hemisphere) => {
+                hemisphere.row(i, &mut scratch.sums, &mut scratch.n_rays);
+                scratch.sums.drain(row, &mut scratch.variances);
             }
         }
     }
 
-    /// All rows. The same at any thread count.
+    /// `A_i F_ij` of a pair with `i < j` and its variance, for estimators that see pairs.
+    pub(super) fn exchange_area(&self, i: u32, j: u32, scratch: &mut Scratch) -> [f64; 2] {
+        match &self.kind {
+            Kind::Analytic(pairs) => {
+                let estimate = pairs.exchange_area(i, j, &mut scratch.pair);
+                [estimate.value, estimate.error * estimate.error]
+            }
+            Kind::Area(area) => area.exchange_area(i, j, &mut scratch.area),
+            Kind::Hemicube(_) | Kind::Hemisphere(_) => [0.0; 2],
+        }
+    }
+
+    /// Every pair is estimated once, so that `A_i F_ij = A_j F_ji` holds exactly; else rows are estimated each on its own.
+    pub fn is_reciprocal(&self) -> bool {
+        matches!(self.kind, Kind::Analytic(_) | Kind::Area(_))
+    }
+
+    /// Shadows are cut out of what pairs exchange, not sampled.
+    pub fn is_clipping(&self) -> bool {
+        matches!(&self.kind, Kind::Analytic(pairs) if pairs.is_clipping())
+    }
+
+    /// All rows as they are estimated. The same at any thread count.
     pub fn matrix(&self) -> Matrix {
         self.assemble(&self.part(0..self.mesh.elements().len() as u32))
     }
 
-    /// Some elements' share of the matrix, which [`Self::assemble`] makes of the shares of all in their order: for the analytic estimator, the exchange
-    /// areas with later elements.
+    /// Some elements' share of the matrix, which [`Self::assemble`] makes of the shares of all in their order: the exchange areas with later elements
+    /// where pairs are estimated, else the rows.
     pub fn part(&self, of: std::ops::Range<u32>) -> Vec<Row> {
-        let n = self.mesh.elements().len() as u32;
-        match &self.kind {
-            Kind::Analytic(pairs) => of
-                .into_par_iter()
-                .map_init(Scratch::default, |scratch, i| {
-                    let exchange = |j| (j, pairs.exchange_area(i, j, &mut scratch.pair));
-                    (i + 1..n).map(exchange).filter(|&(_, e)| e > 0.0).collect()
-                })
-                .collect(),
+        if !self.is_reciprocal() {
+            return self.rows(&of.collect::<Vec<_>>());
         }
+        let n = self.mesh.elements().len() as u32;
+        of.into_par_iter()
+            .map_init(Scratch::default, |scratch, i| {
+                let exchange = |j| (j, self.exchange_area(i, j, scratch)[0]);
+                (i + 1..n).map(exchange).filter(|&(_, e)| e > 0.0).collect()
+            })
+            .collect()
     }
 
     /// The matrix from the shares of all elements.
     pub fn assemble(&self, parts: &[Row]) -> Matrix {
-        match &self.kind {
-            Kind::Analytic(_) => Matrix::from_exchange_areas(parts, self.mesh),
-        }
+        if self.is_reciprocal() { Matrix::from_exchange_areas(parts, self.mesh) } else { Matrix::from_rows(parts) }
     }
 
     /// The rows of some elements, in their order. The same at any thread count.

@@ -1,17 +1,37 @@
 //! The analytic estimator: exchange areas of pairs of elements, exact but for a tolerance where nothing is between them, times the visible fraction.
 //!
 //! Which rule is exact enough is decided by the size of the pair against its distance, `q = (R_i + R_j)/d` (R: radius around the
-//! centre): the product rule of Gauss with `n` points a side errs by about `q^(2n)`. Pairs too close for three points, and those that
+//! centre): the product rule of Gauss with `n` points a side errs by about `q^(2n)`. Pairs too close for eight points, and those that
 //! cross each other's planes, take the contour integral ([`super::analytic::exchange_area`]).
 
 use std::f64::consts::FRAC_1_PI;
 
+use rayon::prelude::*;
+
 use super::analytic;
+use super::cull::Blocks;
+use super::occluded::{self, Estimate};
 use super::rule::{self, Node};
 use super::visibility::{self, Visibility};
-use crate::math::DVec3;
+use crate::math::lanes::{Cpu, for_each_cpu};
+use crate::math::polygon::area_vector;
+use crate::math::{CpuPath, DVec3};
 use crate::radiosity::mesh::{Element, ElementMesh};
+use crate::radiosity::patch::Patch;
+use crate::scene::Geometry;
 use crate::transport::World;
+
+/// More occluders than this are not tried one by one for every pair.
+const MAX_OCCLUDERS: usize = 1024;
+
+/// The same where shadows are sampled: a few rays take as long as so many tests.
+const FEW_OCCLUDERS: usize = 32;
+
+/// With more patches than this nobody asks which of them are occluders.
+const MAX_PATCHES: usize = 8192;
+
+/// Up to as many patches, what may lie between each two of them is found once.
+const FEW_PATCHES: usize = 256;
 
 /// How exact, and with how many rays.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,11 +40,14 @@ pub struct Settings {
     pub tolerance: f64,
     /// Rays between two elements, and in all when some of them are blocked; at most 64.
     pub rays: [usize; 2],
+    /// Cuts the shadows of what stands between two elements out of what they exchange, until the factor is about this exact, in place of rays;
+    /// where nothing but opaque polygons blocks, and no more than 1024 of them.
+    pub clip: Option<f64>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { tolerance: 1e-3, rays: [16, 64] }
+        Self { tolerance: 1e-3, rays: [16, 64], clip: None }
     }
 }
 
@@ -34,10 +57,25 @@ pub struct Pairs<'a> {
     elements: &'a [Element],
     visibility: Visibility<'a>,
     tolerance: f64,
+    path: CpuPath,
+    /// The greatest q for which the rule of 1, 2, 3, 4, 6 and 8 points a side is exact enough.
+    reach: [f64; 6],
     /// By element.
     bounds: Vec<Bound>,
     /// Four and nine points of each element.
     nodes: [Vec<Node>; 2],
+    clip: Option<f64>,
+    occluders: Option<Occluders>,
+    blocks: Option<Blocks>,
+}
+
+/// What may stand between elements.
+#[derive(Debug)]
+struct Occluders {
+    polygons: Vec<Vec<DVec3>>,
+    n_patches: usize,
+    /// For each pair of patches, the lower first: the polygons that may stand between them. Empty when there are too many pairs.
+    between: Vec<Vec<u32>>,
 }
 
 /// Where an element is and how large.
@@ -51,6 +89,7 @@ struct Bound {
 #[derive(Debug, Default)]
 pub struct Scratch {
     visibility: visibility::Scratch,
+    occluded: occluded::Scratch,
 }
 
 impl<'a> Pairs<'a> {
@@ -66,27 +105,54 @@ impl<'a> Pairs<'a> {
             elements.iter().for_each(|e| rule::gauss(e, n, &mut nodes));
             nodes
         });
+        let visibility = Visibility::new(world, mesh, settings.rays);
+        let most = if settings.clip.is_some() { MAX_OCCLUDERS } else { FEW_OCCLUDERS };
+        let occluders = if is_opaque(world, mesh) { Occluders::new(mesh.patches(), most) } else { None };
         Self {
             elements,
-            visibility: Visibility::new(world, mesh, settings.rays),
+            clip: settings.clip,
+            blocks: if occluders.is_none() { Blocks::new(elements, &visibility) } else { None },
+            occluders,
+            visibility,
             tolerance: settings.tolerance,
+            path: world.cpu_path(),
+            reach: [1.0, 2.0, 3.0, 4.0, 6.0, 8.0].map(|n: f64| libm::pow(settings.tolerance.clamp(1e-12, 0.5), 0.5 / n)),
             bounds: elements.iter().map(bound).collect(),
             nodes,
         }
     }
 
-    /// `A_i F_ij = A_j F_ji`, m².
-    pub fn exchange_area(&self, i: u32, j: u32, scratch: &mut Scratch) -> f64 {
+    /// Shadows are cut out, not sampled.
+    pub fn is_clipping(&self) -> bool {
+        self.clip.is_some() && self.occluders.is_some()
+    }
+
+    /// `A_i F_ij = A_j F_ji`, m²; the error is that of the visible fraction, one standard deviation of independent rays.
+    pub fn exchange_area(&self, i: u32, j: u32, scratch: &mut Scratch) -> Estimate {
         if self.elements[i as usize].area <= 0.0 || self.elements[j as usize].area <= 0.0 {
             // Covered as a whole.
-            return 0.0;
+            return Estimate::default();
+        }
+        if self.blocks.as_ref().is_some_and(|blocks| !blocks.may_see(i, j)) {
+            return Estimate::default();
         }
         let exact = self.unoccluded(i, j);
         if exact <= 0.0 {
-            return 0.0;
+            return Estimate::default();
         }
-        let of = |i: u32| (i, &self.elements[i as usize]);
-        exact * self.visibility.fraction(of(i), of(j), &mut scratch.visibility)
+        let (a, b) = (&self.elements[i as usize], &self.elements[j as usize]);
+        if let Some(occluders) = &self.occluders {
+            let (ca, cb) = (a.corners(), b.corners());
+            let between: Vec<&[DVec3]> = occluders.of(a.patch, b.patch).filter(|o| occluded::may_block(ca, cb, o)).collect();
+            if between.is_empty() {
+                return Estimate { value: exact, error: 0.0 };
+            }
+            if let Some(tolerance) = self.clip {
+                return occluded::exchange_past(exact, ca, cb, &between, tolerance, &mut scratch.occluded);
+            }
+        }
+        let [fraction, error] = self.visibility.fraction((i, a), (j, b), &mut scratch.visibility);
+        Estimate { value: exact * fraction, error: exact * error }
     }
 
     /// The same without occluders.
@@ -107,18 +173,67 @@ impl<'a> Pairs<'a> {
             return 0.0;
         }
         let q = (ba.radius + bb.radius) / distance;
-        let crosses = crosses_a || crosses_b;
-        let rule = |n: f64| q < libm::pow(self.tolerance, 0.5 / n);
-        if crosses || !rule(3.0) {
-            return analytic::exchange_area(a.corners(), b.corners(), 0.01 * self.tolerance);
-        }
         let (na, nb) = (a.normal, b.normal);
-        if rule(1.0) {
-            return kernel_sum(&[ba.centre], na, &[bb.centre], nb);
+        let of = |n: usize, i: u32| &self.nodes[n][i as usize * SIZES[n]..][..SIZES[n]];
+        match self.reach.iter().position(|&reach| q < reach) {
+            _ if crosses_a || crosses_b => analytic::exchange_area(a.corners(), b.corners(), 0.01 * self.tolerance),
+            None => analytic::exchange_area(a.corners(), b.corners(), 0.01 * self.tolerance),
+            Some(0) => kernel_sum(&[ba.centre], na, &[bb.centre], nb),
+            Some(n @ 1..=2) => kernel_sum(of(n - 1, i), na, of(n - 1, j), nb),
+            Some(n) => {
+                let (mut x, mut y) = (Columns::ZERO, Columns::ZERO);
+                x.fill(a, n - 3);
+                y.fill(b, n - 3);
+                kernel_sum_of_columns(self.path, &x, na, &y, nb)
+            }
         }
-        let n = if rule(2.0) { 0 } else { 1 };
-        let of = |i: u32| &self.nodes[n][i as usize * SIZES[n]..][..SIZES[n]];
-        kernel_sum(of(i), na, of(j), nb)
+    }
+}
+
+/// Everything that blocks is an opaque polygon, and there are not too many.
+fn is_opaque(world: &World, mesh: &ElementMesh) -> bool {
+    let meshes_only = world.scene().instances.iter().all(|i| matches!(i.geometry, Geometry::Mesh(_)));
+    meshes_only && !world.has_transparency() && mesh.patches().len() <= MAX_PATCHES
+}
+
+impl Occluders {
+    /// `None` when there are more than `most`.
+    fn new(patches: &[Patch], most: usize) -> Option<Self> {
+        let corners = || patches.iter().flat_map(Patch::corners);
+        // What has everything on one side, as the walls of a convex room have, is in nobody's way.
+        let is_outermost = |patch: &&Patch| {
+            let (origin, normal) = (patch.corners()[0], area_vector(patch.corners()).normalize_or_zero());
+            let (mut low, mut high, mut reach) = (0.0f64, 0.0f64, 0.0f64);
+            for d in corners().map(|c| *c - origin) {
+                let h = d.dot(normal);
+                (low, high, reach) = (low.min(h), high.max(h), reach.max(d.abs().max_element()));
+            }
+            low >= -1e-9 * reach || high <= 1e-9 * reach
+        };
+        let polygons: Vec<Vec<DVec3>> =
+            patches.par_iter().filter(|patch| !is_outermost(patch)).map(|patch| patch.corners().to_vec()).collect();
+        let polygons = occluded::merge(polygons);
+        if polygons.len() > most {
+            return None;
+        }
+        let n = patches.len();
+        let between = if n <= FEW_PATCHES && polygons.len() > 8 {
+            let pair = |k: usize| {
+                let (a, b) = (patches[k / n].corners(), patches[k % n].corners());
+                let crosses = |&o: &u32| occluded::crosses(a, b, &polygons[o as usize]);
+                if k / n <= k % n { (0..polygons.len() as u32).filter(crosses).collect() } else { Vec::new() }
+            };
+            (0..n * n).into_par_iter().map(pair).collect()
+        } else {
+            Vec::new()
+        };
+        Some(Self { polygons, n_patches: n, between })
+    }
+
+    fn of(&self, a: u32, b: u32) -> impl Iterator<Item = &[DVec3]> {
+        let list = self.between.get(a.min(b) as usize * self.n_patches + a.max(b) as usize);
+        let all = list.is_none().then_some(0..self.polygons.len() as u32);
+        list.into_iter().flatten().copied().chain(all.into_iter().flatten()).map(|o| self.polygons[o as usize].as_slice())
     }
 }
 
@@ -150,4 +265,65 @@ fn kernel_sum(a: &[Node], na: DVec3, b: &[Node], nb: DVec3) -> f64 {
         sum += inner * x.area;
     }
     (sum * FRAC_1_PI).max(0.0)
+}
+
+/// Points a side of the rules that are made for each pair.
+const FINE: [usize; 3] = [4, 6, 8];
+
+/// The rules of [`FINE`] on the unit square: s, t and weight.
+static RULES: std::sync::LazyLock<[Vec<[f64; 3]>; 3]> = std::sync::LazyLock::new(|| {
+    FINE.map(|n| {
+        let rule = analytic::gauss_legendre(n);
+        rule.iter().flat_map(|&[t, wt]| rule.iter().map(move |&[s, ws]| [s, t, ws * wt])).collect()
+    })
+});
+
+/// Points of an element, in columns; a multiple of four of them.
+struct Columns {
+    n: usize,
+    p: [[f64; 64]; 3],
+    area: [f64; 64],
+}
+
+impl Columns {
+    const ZERO: Self = Self { n: 0, p: [[0.0; 64]; 3], area: [0.0; 64] };
+
+    /// The tensor rule of `FINE[rule]` points a side.
+    fn fill(&mut self, element: &Element, rule: usize) {
+        let rule = &RULES[rule];
+        self.n = rule.len();
+        for (k, &[s, t, weight]) in rule.iter().enumerate() {
+            let node = rule::bilinear(element, [s, t]);
+            (self.p[0][k], self.p[1][k], self.p[2][k]) = (node.p.x, node.p.y, node.p.z);
+            self.area[k] = weight * node.area;
+        }
+    }
+}
+
+for_each_cpu! {
+    /// `Σ Σ K A A′`, m²: the same bits whatever it is compiled for, since nothing is fused and four sums are kept apart.
+    fn kernel_sum_of_columns(a: &Columns, na: DVec3, b: &Columns, nb: DVec3) -> f64 = kernel_sum_on;
+}
+
+#[inline(always)]
+fn kernel_sum_on<C: Cpu>(a: &Columns, na: DVec3, b: &Columns, nb: DVec3) -> f64 {
+    let mut sums = [0.0f64; 4];
+    for i in 0..a.n {
+        let (px, py, pz, area) = (a.p[0][i], a.p[1][i], a.p[2][i], a.area[i]);
+        let mut inner = [0.0f64; 4];
+        let (columns, areas) = (b.p.each_ref().map(|c| c[..b.n].as_chunks::<4>().0), b.area[..b.n].as_chunks::<4>().0);
+        for k in 0..areas.len() {
+            let (x, y, z) = (&columns[0][k], &columns[1][k], &columns[2][k]);
+            for lane in 0..4 {
+                let (dx, dy, dz) = (x[lane] - px, y[lane] - py, z[lane] - pz);
+                let r2 = dx * dx + dy * dy + dz * dz;
+                let (ca, cb) = (na.x * dx + na.y * dy + na.z * dz, nb.x * dx + nb.y * dy + nb.z * dz);
+                inner[lane] -= ca * cb / (r2 * r2) * areas[k][lane];
+            }
+        }
+        for lane in 0..4 {
+            sums[lane] += inner[lane] * area;
+        }
+    }
+    ((sums[0] + sums[1] + (sums[2] + sums[3])) * FRAC_1_PI).max(0.0)
 }

@@ -9,12 +9,15 @@
 
 use crate::accel::Occluder;
 use crate::math::rounding::{gamma, offset_origin};
-use crate::math::{Ray, Vec3};
+use crate::math::{DVec3, Ray, Vec3};
 use crate::radiosity::mesh::{self, Element, ElementMesh};
 use crate::sampling::rng;
 use crate::transport::World;
 
 pub(super) use crate::radiosity::mesh::POINTS;
+
+/// Rays traced together.
+const BATCH: usize = 64;
 
 /// Points of elements from which rays to other elements start, just in front of the surface.
 #[derive(Debug)]
@@ -31,6 +34,8 @@ pub struct Scratch {
     rays: Vec<Ray>,
     kernel: Vec<f32>,
     blocked: Vec<bool>,
+    /// What passes of each ray.
+    passed: Vec<f32>,
     occluder: Occluder,
     /// Rays traced so far.
     pub n_rays: u64,
@@ -47,8 +52,65 @@ impl<'a> Visibility<'a> {
         Self { world, points, n: [rays.clamp(1, POINTS), more.clamp(rays.clamp(1, POINTS), POINTS)] }
     }
 
-    /// The fraction of what `i` and `j` would exchange that nothing between them takes away.
-    pub(super) fn fraction(&self, (i, a): (u32, &Element), (j, b): (u32, &Element), scratch: &mut Scratch) -> f64 {
+    /// For [`Self::visible_sums`] alone.
+    pub(super) fn without_points(world: &'a World) -> Self {
+        Self { world, points: Vec::new(), n: [0; 2] }
+    }
+
+    /// Anything passes along `n` lines between two groups of elements, spread over both.
+    pub(super) fn any_between(&self, elements: &[Element], [a, b]: [&[u32]; 2], n: usize, scratch: &mut Scratch) -> bool {
+        let turn = (rng::mix(u64::from(a[0]) << 32 | u64::from(b[0])) >> 33) as usize;
+        for first in (0..n).step_by(BATCH) {
+            scratch.rays.clear();
+            for k in first..n.min(first + BATCH) {
+                // Every line from another element as long as there are some, to one that does not go along with it.
+                let (i, j) = (a[k % a.len()], b[(k * 7 + k / b.len() + turn) % b.len()]);
+                let (p, q) = (self.of(i)[k % POINTS], self.of(j)[(k ^ turn) % POINTS]);
+                let d = q - p;
+                let faces = |i: u32, sign: f32| elements[i as usize].normal.as_vec3().dot(d) * sign > 0.0;
+                if faces(i, 1.0) && faces(j, -1.0) {
+                    scratch.rays.push(Ray { origin: p, dir: d, t_max: 1.0 });
+                }
+            }
+            if !scratch.rays.is_empty() {
+                self.pass(scratch);
+                if scratch.passed.iter().any(|&passed| passed > 0.0) {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// `Σ V K` and `Σ (V K)²` over pairs of points of two elements with their kernels.
+    pub(super) fn visible_sums<'e>(
+        &self,
+        pairs: impl Iterator<Item = ([(&'e Element, DVec3); 2], f64)>,
+        scratch: &mut Scratch,
+    ) -> [f64; 2] {
+        let mut sums = [0.0; 2];
+        let mut pairs = pairs.filter(|(_, kernel)| *kernel > 0.0 && kernel.is_finite()).peekable();
+        let mut kernels = Vec::with_capacity(BATCH);
+        while pairs.peek().is_some() {
+            scratch.rays.clear();
+            kernels.clear();
+            for ([p, q], kernel) in pairs.by_ref().take(BATCH) {
+                let [p, q] = [p, q].map(|(element, p)| in_front(element, p.as_vec3()));
+                scratch.rays.push(Ray { origin: p, dir: q - p, t_max: 1.0 });
+                kernels.push(kernel);
+            }
+            self.pass(scratch);
+            for (kernel, passed) in kernels.iter().zip(&scratch.passed) {
+                let visible = kernel * f64::from(*passed);
+                sums[0] += visible;
+                sums[1] += visible * visible;
+            }
+        }
+        sums
+    }
+
+    /// The fraction of what `i` and `j` would exchange that nothing between them takes away, and its standard deviation if rays were independent.
+    pub(super) fn fraction(&self, (i, a): (u32, &Element), (j, b): (u32, &Element), scratch: &mut Scratch) -> [f64; 2] {
         // Every pair connects the points in another order; both sets stay well spread.
         let turn = (rng::mix(u64::from(i) << 32 | u64::from(j)) >> 32) as usize;
         let [few, many] = self.n;
@@ -57,10 +119,10 @@ impl<'a> Visibility<'a> {
             return ratio(first);
         }
         let rest = self.trace((i, a), (j, b), turn, few..many, scratch);
-        ratio([first[0] + rest[0], first[1] + rest[1]])
+        ratio(std::array::from_fn(|k| first[k] + rest[k]))
     }
 
-    /// `Σ V K` and `Σ K` over some of the rays.
+    /// `Σ V K`, `Σ K` and `Σ K²` over some of the rays.
     fn trace(
         &self,
         (i, a): (u32, &Element),
@@ -68,7 +130,7 @@ impl<'a> Visibility<'a> {
         turn: usize,
         which: std::ops::Range<usize>,
         scratch: &mut Scratch,
-    ) -> [f64; 2] {
+    ) -> [f64; 3] {
         let (from, to) = (self.of(i), self.of(j));
         let (na, nb) = (a.normal.as_vec3(), b.normal.as_vec3());
         scratch.rays.clear();
@@ -89,25 +151,31 @@ impl<'a> Visibility<'a> {
                 scratch.kernel.push(kernel);
             }
         }
+        self.pass(scratch);
+        let mut sum = [0.0, covered, 0.0];
+        for (kernel, passed) in scratch.kernel.iter().zip(&scratch.passed) {
+            let kernel = f64::from(*kernel);
+            sum[0] += kernel * f64::from(*passed);
+            sum[1] += kernel;
+            sum[2] += kernel * kernel;
+        }
+        sum
+    }
+
+    /// Traces the rays: what passes of each.
+    fn pass(&self, scratch: &mut Scratch) {
         scratch.n_rays += scratch.rays.len() as u64;
-        let mut sum = [0.0, covered];
+        scratch.passed.clear();
         if self.world.has_transparency() {
-            for (rays, kernel) in scratch.rays.chunks(8).zip(scratch.kernel.chunks(8)) {
+            for rays in scratch.rays.chunks(8) {
                 let eight = std::array::from_fn(|i| rays[i.min(rays.len() - 1)]);
                 let passed = self.world.transmittances(&eight, rays.len(), true, &mut scratch.n_rays);
-                for (k, v) in kernel.iter().zip(passed) {
-                    sum[0] += f64::from(*k) * f64::from(v.r + v.g + v.b) / 3.0;
-                    sum[1] += f64::from(*k);
-                }
+                scratch.passed.extend(passed[..rays.len()].iter().map(|v| (v.r + v.g + v.b) / 3.0));
             }
         } else {
             self.world.accel().occluded_between(&scratch.rays, &mut scratch.occluder, &mut scratch.blocked);
-            for (k, blocked) in scratch.kernel.iter().zip(&scratch.blocked) {
-                sum[0] += if *blocked { 0.0 } else { f64::from(*k) };
-                sum[1] += f64::from(*k);
-            }
+            scratch.passed.extend(scratch.blocked.iter().map(|&blocked| if blocked { 0.0 } else { 1.0 }));
         }
-        sum
     }
 
     /// Points in front of an element.
@@ -116,8 +184,13 @@ impl<'a> Visibility<'a> {
     }
 }
 
-fn ratio([seen, all]: [f64; 2]) -> f64 {
-    if all > 0.0 { seen / all } else { 0.0 }
+/// `p = Σ V K / Σ K` and `√(p (1 − p) Σ K²) / Σ K`.
+fn ratio([seen, all, squares]: [f64; 3]) -> [f64; 2] {
+    if all <= 0.0 {
+        return [0.0; 2];
+    }
+    let p = seen / all;
+    [p, (p * (1.0 - p).max(0.0) * squares).sqrt() / all]
 }
 
 /// A point of an element moved off its surface, to where rays may start and end: the bound of its rounding error is that of a hit (`transport::Surface`).

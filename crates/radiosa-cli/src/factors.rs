@@ -1,0 +1,242 @@
+//! The verb `factors`: form factors between the surfaces of a scene.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use radiosa::export::matrix;
+use radiosa::import::{self, Warning};
+use radiosa::radiosity::between::{Between, Correction};
+use radiosa::radiosity::form_factor::{self as form_factor, Factors, Row, Scratch, area, hemicube, hemisphere, pair};
+use radiosa::radiosity::mesh::{self, ElementMesh, Sides};
+use radiosa::scene::{Geometry, Scene};
+use radiosa::transport::World;
+use serde_json::json;
+
+use crate::args::factors::{By, Correct, Estimator, Factors as Args, Kernel, Rule};
+use crate::error::Error;
+use crate::interrupt;
+use crate::render::output::{say_warnings, tell, warnings_json};
+use crate::render::{plan, with_threads};
+
+/// Error of an unoccluded factor beside the one that is asked for where shadows fall.
+const UNOCCLUDED: f64 = 1e-2;
+
+/// Elements at most: factors are found by their numbers.
+const MAX_ELEMENTS: usize = 1 << 24;
+
+pub(crate) fn run(args: &Args, json: bool) -> Result<ExitCode, Error> {
+    with_threads(&args.work, || factors(args, json))
+}
+
+fn factors(args: &Args, json: bool) -> Result<ExitCode, Error> {
+    let start = Instant::now();
+    for output in &args.output {
+        matrix::check_target(output)?;
+    }
+    let mut warnings = Vec::new();
+    let scene = load(args, &mut warnings)?;
+    let outputs =
+        if args.output.is_empty() { vec![PathBuf::from(format!("{}-factors.csv", scene.name))] } else { args.output.clone() };
+    for output in &outputs {
+        matrix::check_target(output)?;
+    }
+    let mut warn = |name, message: String| warnings.push(Warning { name, path: PathBuf::from(&args.scene), message });
+    let exact_shapes = scene.instances.iter().filter(|i| !matches!(i.geometry, Geometry::Mesh(_))).count();
+    if exact_shapes > 0 {
+        let message =
+            format!("{exact_shapes} spheres and discs block (not for hemicubes), but have no factors: give them as meshes");
+        warn("exact-shapes", message);
+    }
+    let world = World::prepare(scene, plan::cpu_path(args.work.cpu_path)?)?;
+    let settings = mesh::Settings {
+        elements: args.elements.unwrap_or(0),
+        size: args.size,
+        sides: if args.two_sided { Sides::Both } else { Sides::Front },
+    };
+    let mesh = ElementMesh::new(&world, &settings, &radiosa::radiosity::direct::DirectLight::new(&world, &[], 0));
+    if mesh.elements().len() > MAX_ELEMENTS {
+        let message = format!("the surfaces make {} elements, more than {MAX_ELEMENTS}", mesh.elements().len());
+        return Err(Error::failed(message, "ask for a larger --size, or fewer --elements"));
+    }
+    let (group_of, names) = groups(&world, &mesh, args.by);
+    let factors = Factors::new(&world, &mesh, &estimator(args), args.seed);
+    within_memory(&factors, args)?;
+    if !args.work.quiet {
+        say_warnings(&warnings);
+    }
+    let prepared = start.elapsed();
+    let mut between = Between::new(&factors, &group_of, names.len());
+    let raw = between.report();
+    match args.correct {
+        Correct::None => {}
+        Correct::Reciprocity => between.correct(Correction::Reciprocity),
+        Correct::Closure => between.correct(Correction::Closure),
+    }
+    let estimated = start.elapsed();
+    for output in &outputs {
+        matrix::write(&between, &names, output)?;
+    }
+
+    let [least, mean, greatest] = raw.row_sums;
+    if !args.work.quiet {
+        let mut lines = vec![
+            format!("surfaces    {} elements of {} patches, {} rows", mesh.elements().len(), mesh.patches().len(), names.len()),
+            format!("factors     {} above zero", between.n_entries()),
+            format!("closure     raw row sums {least:.6} to {greatest:.6}, mean {mean:.6}"),
+            format!("reciprocity {:.1e} of what is exchanged", raw.reciprocity),
+        ];
+        if args.estimator == Estimator::Analytic {
+            let how = if factors.is_clipping() { "cut out" } else { "sampled by rays" };
+            lines.push(format!("shadows     {how}"));
+        }
+        if args.correct != Correct::None {
+            let corrected = between.report();
+            let [least, _, greatest] = corrected.row_sums;
+            let reciprocity = corrected.reciprocity;
+            lines.push(format!("corrected   row sums {least:.6} to {greatest:.6}, reciprocity {reciprocity:.1e}"));
+        }
+        lines.push(format!("time        {:.2} s", start.elapsed().as_secs_f64()));
+        lines.extend(outputs.iter().map(|output| format!("wrote       {}", output.display())));
+        tell(&lines.join("\n"));
+    }
+    if json {
+        // Rows for a person to look through; the files have them all.
+        const LISTED: usize = 1000;
+        let rows: Vec<_> = (0..between.n().min(LISTED))
+            .map(|i| json!({ "name": names[i], "area": between.areas[i], "row_sum": between.row_sum(i) }))
+            .collect();
+        let report = json!({
+            "scene": world.scene().name,
+            "by": format!("{:?}", args.by).to_lowercase(),
+            "estimator": format!("{:?}", args.estimator).to_lowercase(),
+            "shadows_cut_out": factors.is_clipping(),
+            "elements": mesh.elements().len(),
+            "patches": mesh.patches().len(),
+            "rows": names.len(),
+            "factors": between.n_entries(),
+            "raw_row_sums": { "least": least, "mean": mean, "greatest": greatest },
+            "reciprocity": raw.reciprocity,
+            "corrected": args.correct != Correct::None,
+            "surfaces": rows,
+            "seconds": {
+                "prepare": prepared.as_secs_f64(), "estimate": (estimated - prepared).as_secs_f64(),
+                "total": start.elapsed().as_secs_f64(),
+            },
+            "warnings": warnings_json(&warnings),
+            "outputs": outputs,
+        });
+        crate::version::say(&report.to_string());
+    }
+    Ok(if interrupt::asked() { ExitCode::from(130) } else { ExitCode::SUCCESS })
+}
+
+fn load(args: &Args, warnings: &mut Vec<Warning>) -> Result<Scene, Error> {
+    let path = Path::new(&args.scene);
+    if let Some(scene) = import::sample::load_with(&args.scene, &[]) {
+        return Ok(scene?);
+    }
+    if !path.exists() && path.extension().is_none() {
+        return Err(crate::scenes::unknown(&args.scene));
+    }
+    let options = import::Options { allow_outside: args.work.allow_outside.clone(), max_memory: args.work.max_memory };
+    let (scene, found) = import::load(path, &options)?;
+    warnings.extend(found);
+    Ok(scene)
+}
+
+fn estimator(args: &Args) -> form_factor::Estimator {
+    match args.estimator {
+        Estimator::Analytic => form_factor::Estimator::Analytic(pair::Settings {
+            tolerance: UNOCCLUDED * args.tolerance,
+            // A quarter of them first; the rest where some are blocked.
+            rays: [args.rays.map_or(16, |n| n.div_ceil(4)), args.rays.unwrap_or(64)].map(|n| n as usize),
+            clip: (!args.sampled_shadows).then_some(args.tolerance),
+        }),
+        Estimator::Hemicube => form_factor::Estimator::Hemicube(hemicube::Settings {
+            resolution: args.resolution,
+            points: args.points.unwrap_or(hemicube::Settings::default().points),
+        }),
+        Estimator::Hemisphere => {
+            let rays = args.rays.unwrap_or(hemisphere::Settings::default().rays);
+            let rule = match args.rule {
+                Rule::Cells => hemisphere::Rule::Cells,
+                Rule::Nodal => hemisphere::Rule::Nodal,
+                Rule::Nusselt => hemisphere::Rule::Nusselt,
+                Rule::Random => hemisphere::Rule::Random,
+            };
+            // Patterns need some directions each.
+            let patterned = matches!(args.rule, Rule::Cells | Rule::Nodal);
+            let points = args.points.unwrap_or(if patterned { rays.div_ceil(256) } else { rays });
+            form_factor::Estimator::Hemisphere(hemisphere::Settings { rule, rays, points })
+        }
+        Estimator::Area => form_factor::Estimator::Area(area::Settings {
+            samples: args.rays.unwrap_or(area::Settings::default().samples),
+            spread: area::Samples::Even,
+            kernel: if args.kernel == Kernel::Disc { area::Kernel::Disc } else { area::Kernel::Point },
+        }),
+    }
+}
+
+/// The group of each element, and what groups are called.
+fn groups(world: &World, mesh: &ElementMesh, by: By) -> (Vec<u32>, Vec<String>) {
+    let scene = world.scene();
+    if by == By::Patch {
+        // The sides of a cell belong together, whichever elements they are.
+        let mut first = Vec::new();
+        let mut n = 0u32;
+        for grid in mesh.grids() {
+            first.push(n);
+            n += grid.n[0] * grid.n[1];
+        }
+        let group_of = mesh.elements().iter().map(|e| first[e.patch as usize] + e.cell).collect();
+        return (group_of, (0..n).map(|i| i.to_string()).collect());
+    }
+    let (mut names, mut known): (Vec<String>, HashMap<String, u32>) = Default::default();
+    let mut number_of = |name: String| {
+        *known.entry(name.clone()).or_insert_with(|| {
+            names.push(name);
+            names.len() as u32 - 1
+        })
+    };
+    let of_patch: Vec<u32> = mesh
+        .patches()
+        .iter()
+        .map(|patch| {
+            let instance = &scene.instances[patch.instance.index()];
+            let node = instance.node.map(|node| scene.nodes[node.index()].name.as_str()).filter(|name| !name.is_empty());
+            number_of(match by {
+                By::Material => patch.material.map_or("default", |m| &scene.materials[m.index()].name).to_owned(),
+                _ if !instance.name.is_empty() => instance.name.clone(),
+                _ => node.map_or_else(|| format!("instance {}", patch.instance.index()), str::to_owned),
+            })
+        })
+        .collect();
+    (mesh.elements().iter().map(|e| of_patch[e.patch as usize]).collect(), names)
+}
+
+/// An error when the factors of all elements would take more than is allowed, judged by a few rows.
+fn within_memory(factors: &Factors, args: &Args) -> Result<(), Error> {
+    const ROWS: usize = 8;
+    let n = factors.mesh().elements().len();
+    // All of them would fit.
+    if (n as u64).pow(2) * 24 <= args.work.max_memory || n == 0 {
+        return Ok(());
+    }
+    let (mut row, mut scratch, mut entries) = (Row::new(), Scratch::default(), 0);
+    for k in 0..ROWS {
+        factors.row((n * (2 * k + 1) / (2 * ROWS)) as u32, &mut row, &mut scratch);
+        entries += row.len();
+    }
+    // A factor takes 16 bytes, and half as much again while rows are put together.
+    let needed = (entries as u64 * n as u64 / ROWS as u64) * 24;
+    if needed <= args.work.max_memory {
+        return Ok(());
+    }
+    let mib = |bytes: u64| bytes >> 20;
+    Err(Error::failed(
+        format!("the factors take about {} MiB, more than the {} MiB allowed", mib(needed), mib(args.work.max_memory)),
+        "ask for fewer --elements, or a larger --max-memory",
+    ))
+}
