@@ -696,9 +696,9 @@ fn included_files_are_placed_changed_and_kept_apart() {
     assert_eq!(e, "3 \"part.toml\" has no material \"wod\" (did you mean \"wood\"?)");
     let e = fails("[[include]]\nfile = \"part.toml\"\n[include.object.\"leg lift\"]\nhidden = true");
     assert_eq!(e, "3 \"part.toml\" has no object \"leg lift\" (did you mean \"leg left\"?)");
-    write("part.stl", "");
-    let e = fails("include = \"part.stl\"");
-    assert_eq!(e, "1 \"part.stl\" is not a scene of a known format (files that can be included end in .toml, .obj, .gltf, .glb)");
+    write("part.xyz", "");
+    let e = fails("include = \"part.xyz\"");
+    assert_eq!(e, "1 \"part.xyz\" is not a scene of a known format (files that can be included end in .toml, .obj, .gltf, .glb)");
 }
 
 #[test]

@@ -11,7 +11,7 @@ use super::material::MaterialTable;
 use super::transform::{TransformTable, Up, to_affine, unit_length};
 use super::value::{At, Named, OneOrMany, OrTable, Unit};
 use super::{Nesting, Reading};
-use crate::import::{ENDINGS, ImportError, Resolver};
+use crate::import::{ImportError, Resolver};
 use crate::math::{DAffine3, DMat3, DQuat};
 use crate::scene::{
     Attenuation, Geometry, Image, ImageId, Instance, LightKind, MaterialId, MeshId, MeshSource, NodeId, Pixels, Projection,
@@ -110,7 +110,7 @@ fn read(file: &At<String>, r: &mut Reading<'_>, nesting: &mut Nesting) -> Result
             scene
         }
         _ => {
-            let help = format!("files that can be included end in .{}", ENDINGS.join(", ."));
+            let help = "files that can be included end in .toml, .obj, .gltf, .glb".to_owned();
             Err(r.text.error(&file.span, format!("{:?} is not a scene of a known format", file.value), help))
         }
     }
