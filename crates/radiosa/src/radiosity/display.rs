@@ -20,8 +20,8 @@ use crate::radiometry::lambertian_radiance;
 use crate::sampling::Stream;
 use crate::scene::Geometry;
 use crate::spectrum::Spectrum;
-use crate::transport::eye::{self, BEHIND_MAX, NEGLIGIBLE};
-use crate::transport::{Footprint, Integrator, World};
+use crate::transport::eye::{Reflected, Straight};
+use crate::transport::{Footprint, Integrator, LocalLight, World};
 
 /// Cosine of the angle up to which faces of a mesh with vertex normals are one smooth surface.
 const SMOOTH: f64 = 0.7;
@@ -44,8 +44,7 @@ pub struct Display<'a> {
     mesh: &'a ElementMesh,
     /// Irradiance at the corners of each element, in their order.
     corners: Vec<[Spectrum; 4]>,
-    footprint: Footprint,
-    has_backdrop: bool,
+    straight: Straight,
 }
 
 impl<'a> Display<'a> {
@@ -56,12 +55,12 @@ impl<'a> Display<'a> {
             Interpolation::Flat => solution.irradiance.iter().map(|h| [spectrum(*h); 4]).collect(),
             Interpolation::Gouraud => corner_values(world, mesh, &solution.irradiance),
         };
-        Self { mesh, corners, footprint, has_backdrop: false }
+        Self { mesh, corners, straight: Straight { has_backdrop: false, footprint, reflected: Reflected::Often } }
     }
 
     /// The default light's backdrop stands behind everything.
     pub fn with_backdrop(mut self, has_backdrop: bool) -> Self {
-        self.has_backdrop = has_backdrop;
+        self.straight.has_backdrop = has_backdrop;
         self
     }
 
@@ -74,51 +73,10 @@ impl<'a> Display<'a> {
 
 impl Integrator for Display<'_> {
     fn sample(&self, world: &World, ray: &Ray, _stream: &mut Stream, n_rays: &mut u64) -> Pixel {
-        let mut pixel = Pixel::default();
-        let mut ray = *ray;
-        let mut travelled = 0.0;
-        let mut open = Spectrum::WHITE;
-        let mut through_glass = false;
-        for layer in 0..BEHIND_MAX {
-            *n_rays += 1;
-            let Some((hit, mut surface)) = world.closest_visible(&ray) else {
-                let seen = open * eye::behind(world, ray.dir, self.has_backdrop, layer == 0);
-                *(if through_glass { &mut pixel.refraction } else { &mut pixel.background }) += seen;
-                if through_glass {
-                    pixel.direct += seen;
-                }
-                pixel.color += seen;
-                break;
-            };
-            let wo = -ray.dir;
-            travelled += hit.t;
-            surface.width = self.footprint.width(travelled, surface.ng.dot(wo));
-            let shading = world.shading(&surface, wo);
-            eye::record(&mut pixel, world, &surface, &shading, travelled);
-            let glass = shading.straight_transmission();
-            let weight = open * shading.coverage;
-            let irradiance = self.irradiance_at(&hit, surface.p, ray.dir).unwrap_or(Spectrum::BLACK);
-            let emission = weight * (shading.emission + shading.bsdf.unlit().unwrap_or(Spectrum::BLACK));
-            let diffuse = weight * lambertian_radiance(shading.bsdf.diffuse_reflectance(), irradiance);
-            if through_glass {
-                pixel.refraction += diffuse + emission;
-                pixel.direct += emission;
-            } else {
-                pixel.diffuse += diffuse;
-                pixel.emission += emission;
-            }
-            pixel.indirect += diffuse;
-            pixel.color += diffuse + emission;
-            through_glass |= !glass.is_black();
-            open = open * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
-            if open.max_channel() < NEGLIGIBLE {
-                open = Spectrum::BLACK;
-                break;
-            }
-            ray = surface.ray(ray.dir);
-        }
-        pixel.alpha = 1.0 - open.luminance().clamp(0.0, 1.0);
-        pixel
+        self.straight.sample(world, ray, n_rays, |hit, surface, shading, _| {
+            let irradiance = self.irradiance_at(hit, surface.p, ray.dir).unwrap_or(Spectrum::BLACK);
+            LocalLight { diffuse: lambertian_radiance(shading.bsdf.diffuse_reflectance(), irradiance), ..LocalLight::default() }
+        })
     }
 }
 

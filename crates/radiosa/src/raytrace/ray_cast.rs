@@ -8,8 +8,7 @@ use crate::film::Pixel;
 use crate::math::{Ray, Vec3};
 use crate::sampling::Stream;
 use crate::scene::Light;
-use crate::spectrum::Spectrum;
-use crate::transport::eye::{self, BEHIND_MAX, NEGLIGIBLE};
+use crate::transport::eye::{Reflected, Straight};
 use crate::transport::{Footprint, Integrator, LightSettings, Lights, Viewer, World, default_light};
 
 /// What ray casting can be asked for.
@@ -48,8 +47,7 @@ pub struct RayCast {
     lights: Lights,
     /// Unit, to an infinitely distant viewer.
     to_viewer: Vec3,
-    has_backdrop: bool,
-    footprint: Footprint,
+    straight: Straight,
 }
 
 impl RayCast {
@@ -60,8 +58,11 @@ impl RayCast {
             viewer: settings.viewer,
             lights: Lights::prepare(world, &settings.lights, &settings.extra_lights),
             to_viewer: -forward,
-            has_backdrop: default_light::has_backdrop(world, &settings.extra_lights),
-            footprint: settings.footprint,
+            straight: Straight {
+                has_backdrop: default_light::has_backdrop(world, &settings.extra_lights),
+                footprint: settings.footprint,
+                reflected: Reflected::Once,
+            },
         }
     }
 
@@ -73,61 +74,11 @@ impl RayCast {
 
 impl Integrator for RayCast {
     fn sample(&self, world: &World, ray: &Ray, _stream: &mut Stream, n_rays: &mut u64) -> Pixel {
-        let mut pixel = Pixel::default();
-        let mut ray = *ray;
-        let mut travelled = 0.0;
-        // What still comes through, and how much of that came through glass rather than through holes.
-        let mut open = Spectrum::WHITE;
-        let mut through_glass = false;
-        for layer in 0..BEHIND_MAX {
-            *n_rays += 1;
-            let Some((hit, mut surface)) = world.closest_visible(&ray) else {
-                let seen = open * eye::behind(world, ray.dir, self.has_backdrop, layer == 0);
-                if through_glass {
-                    pixel.refraction += seen;
-                    pixel.direct += seen;
-                } else {
-                    pixel.background += seen;
-                }
-                pixel.color += seen;
-                break;
-            };
-            let wo = -ray.dir;
-            travelled += hit.t;
-            surface.width = self.footprint.width(travelled, surface.ng.dot(wo));
-            let mut shading = world.shading(&surface, wo);
-            eye::record(&mut pixel, world, &surface, &shading, travelled);
-            let glass = shading.straight_transmission();
+        self.straight.sample(world, ray, n_rays, |_, surface, mut shading, n_rays| {
             if self.viewer == Viewer::Infinite {
                 shading.wo = self.to_viewer;
             }
-            let weight = open * shading.coverage;
-            let emission = weight * (shading.emission + shading.bsdf.unlit().unwrap_or(Spectrum::BLACK));
-            let light = self.lights.at(world, &surface, &shading, self.shadows, n_rays);
-            let (ambient, diffuse, specular) = (weight * light.ambient, weight * light.diffuse, weight * light.specular);
-            if through_glass {
-                pixel.refraction += ambient + diffuse + specular + emission;
-                pixel.direct += diffuse + specular + emission;
-            } else {
-                pixel.ambient += ambient;
-                pixel.diffuse += diffuse;
-                pixel.specular += specular;
-                pixel.emission += emission;
-                pixel.direct += diffuse + specular;
-            }
-            // Ambient light stands for what was reflected before.
-            pixel.indirect += ambient;
-            pixel.color += ambient + diffuse + specular + emission;
-
-            through_glass |= !glass.is_black();
-            open = open * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
-            if open.max_channel() < NEGLIGIBLE {
-                open = Spectrum::BLACK;
-                break;
-            }
-            ray = surface.ray(ray.dir);
-        }
-        pixel.alpha = 1.0 - open.luminance().clamp(0.0, 1.0);
-        pixel
+            self.lights.at(world, surface, &shading, self.shadows, n_rays)
+        })
     }
 }
