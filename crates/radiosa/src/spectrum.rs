@@ -67,6 +67,11 @@ impl Spectrum {
     }
 }
 
+/// Y of linear RGB, in f64: as [`Spectrum::luminance`], for values that accumulate.
+pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
+
 impl From<[f32; 3]> for Spectrum {
     fn from([r, g, b]: [f32; 3]) -> Self {
         Self { r, g, b }

@@ -12,12 +12,12 @@
 use super::direct::DirectLight;
 use super::display;
 use super::form_factor::analytic;
+use super::form_factor::visibility::Lines;
 use super::solution::Solution;
-use crate::accel::Occluder;
-use crate::math::rounding::{gamma, offset_origin};
+use crate::math::rounding::offset_origin;
 use crate::math::{DVec3, Ray, Vec3};
 use crate::sampling::{rng, sequence};
-use crate::spectrum::Spectrum;
+use crate::spectrum::{Spectrum, luminance};
 use crate::transport::{Surface, World};
 
 /// Rays of one sensor, about, beside one for each element; and at most to one element.
@@ -64,10 +64,8 @@ const CUTS: [(f64, u32); 3] = [(0.05, 8), (0.008, 4), (0.001, 2)];
 pub struct Scratch {
     polygon: Vec<DVec3>,
     pieces: Vec<Piece>,
-    rays: Vec<Ray>,
+    lines: Lines,
     kernel: Vec<f64>,
-    blocked: Vec<bool>,
-    occluder: Occluder,
 }
 
 impl<'a> Gather<'a> {
@@ -150,44 +148,26 @@ impl<'a> Gather<'a> {
     /// `Σ V K / Σ K` over rays from a point to a piece of an element.
     fn visible(&self, from: Vec3, normal: DVec3, piece: &Piece, n_rays: u32, key: u64, scratch: &mut Scratch) -> f64 {
         let element = &self.solution.mesh.elements()[piece.element as usize];
-        let en = element.normal.as_vec3();
-        let error = Vec3::splat(element.corners().iter().map(|c| c.abs().max_element()).fold(0.0, f64::max) as f32 * gamma(16));
-        scratch.rays.clear();
+        let (en, lift) = (element.normal.as_vec3(), element.lift());
+        scratch.lines.rays.clear();
         scratch.kernel.clear();
         for k in 0..n_rays {
             let u = if n_rays == 1 { [0.5; 2] } else { sequence::point_2d(k, key).to_array().map(f64::from) };
             let [s, t, side] = piece.place;
-            let target = offset_origin(element.at([s + side * u[0], t + side * u[1]]).as_vec3(), error, en, en);
-            let d = target - from;
+            let d = lift.in_front(element.at([s + side * u[0], t + side * u[1]])) - from;
             let r2 = f64::from(d.length_squared());
             let kernel = normal.dot(d.as_dvec3()).max(0.0) * f64::from((-en.dot(d)).max(0.0)) / (r2 * r2);
             if kernel > 0.0 && kernel.is_finite() {
-                scratch.rays.push(Ray { origin: from, dir: d, t_max: 1.0 });
+                scratch.lines.rays.push(Ray { origin: from, dir: d, t_max: 1.0 });
                 scratch.kernel.push(kernel);
             }
         }
+        scratch.lines.trace(self.world);
         let (mut seen, mut all) = (0.0, 0.0);
-        if self.world.has_transparency() {
-            for (rays, kernel) in scratch.rays.chunks(8).zip(scratch.kernel.chunks(8)) {
-                let eight = std::array::from_fn(|i| rays[i.min(rays.len() - 1)]);
-                let passed = self.world.transmittances(&eight, rays.len(), true, &mut 0);
-                for (k, v) in kernel.iter().zip(passed) {
-                    seen += k * f64::from(v.r + v.g + v.b) / 3.0;
-                    all += k;
-                }
-            }
-        } else {
-            self.world.accel().occluded_between(&scratch.rays, &mut scratch.occluder, &mut scratch.blocked);
-            for (k, blocked) in scratch.kernel.iter().zip(&scratch.blocked) {
-                seen += if *blocked { 0.0 } else { *k };
-                all += k;
-            }
+        for (kernel, passed) in scratch.kernel.iter().zip(&scratch.lines.passed) {
+            seen += kernel * f64::from(*passed);
+            all += kernel;
         }
         if all > 0.0 { seen / all } else { 0.0 }
     }
-}
-
-/// Y of linear RGB, in f64.
-fn luminance([r, g, b]: [f64; 3]) -> f64 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
 }

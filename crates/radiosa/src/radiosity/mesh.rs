@@ -10,9 +10,9 @@ use super::patch::{Patch, Patches};
 use super::sides::{self, Side};
 use crate::accel::Hit;
 use crate::math::polygon::area_vector;
+use crate::math::rounding::{gamma, offset_origin};
 use crate::math::{DVec3, Ray, Vec3};
 use crate::sampling::{rng, sequence};
-use crate::scene::InstanceId;
 use crate::spectrum::Spectrum;
 use crate::transport::{Surface, World};
 
@@ -102,6 +102,12 @@ impl Element {
         self.corners().iter().sum::<DVec3>() / f64::from(self.n_corners)
     }
 
+    /// Moves points of it off the surface, to where rays may start and end.
+    pub(super) fn lift(&self) -> Lift {
+        let largest = self.corners().iter().map(|c| c.abs().max_element()).fold(0.0, f64::max) as f32;
+        Lift { normal: self.normal.as_vec3(), error: Vec3::splat(largest * gamma(16)) }
+    }
+
     /// The point of the unit square that has these weights of corners: the inverse of [`Self::at`] in a parallelogram or triangle.
     pub(super) fn square_of(&self, w: [f32; 4]) -> [f32; 2] {
         if self.n_corners == 4 {
@@ -120,6 +126,20 @@ impl Element {
         // [Heitz19], the square's diagonal becomes the triangle's median.
         let (s, t) = if t > s { (0.5 * s, t - 0.5 * s) } else { (s - 0.5 * t, 0.5 * t) };
         a + (b - a) * s + (c - a) * t
+    }
+}
+
+/// How points of an element are moved off it: beyond the bound of their rounding error, which is that of a hit (`transport::Surface`).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lift {
+    normal: Vec3,
+    error: Vec3,
+}
+
+impl Lift {
+    /// The point just in front of the element.
+    pub(super) fn in_front(&self, p: DVec3) -> Vec3 {
+        offset_origin(p.as_vec3(), self.error, self.normal, self.normal)
     }
 }
 
@@ -216,12 +236,6 @@ impl ElementMesh {
         self.knows_exposed = true;
     }
 
-    /// Its material emits on that side.
-    pub(super) fn emits(&self, world: &World, element: &Element) -> bool {
-        let material = world.material(self.patches.patches[element.patch as usize].material);
-        material.is_emissive() && (element.side == Side::Front || material.two_sided)
-    }
-
     /// The same mesh with the cells of some elements, marked by index, divided twice as finely along each edge.
     pub fn refined(&self, world: &World, direct: &DirectLight, marked: &[bool]) -> Self {
         let mut k: Vec<Option<Vec<u32>>> = self.splits.iter().map(|s| s.as_ref().map(|s| s.k.clone())).collect();
@@ -262,7 +276,7 @@ impl ElementMesh {
 
     /// The element a ray of direction `dir` met at `p`; `None` on a side that takes no part, and on what has no patches.
     pub fn element_at(&self, hit: &Hit, p: Vec3, dir: Vec3) -> Option<u32> {
-        let (index, side) = self.side_at(hit, dir)?;
+        let (index, side) = self.patches.side_at(hit, dir)?;
         self.element_on(index, side, p.as_dvec3())
     }
 
@@ -288,7 +302,7 @@ impl ElementMesh {
     /// The element a ray of direction `dir` met at `p`, and the weights of its corners there, which sum to one: bilinear in a quadrilateral,
     /// barycentric in a triangle (the fourth is zero).
     pub fn weights_at(&self, hit: &Hit, p: Vec3, dir: Vec3) -> Option<(u32, [f32; 4])> {
-        let (index, side) = self.side_at(hit, dir)?;
+        let (index, side) = self.patches.side_at(hit, dir)?;
         let (element, [s, t]) = self.locate(index, side, p.as_dvec3())?;
         let (s, t) = (s.clamp(0.0, 1.0), t.clamp(0.0, 1.0));
         let weights = if self.elements[element as usize].n_corners == 4 {
@@ -297,13 +311,6 @@ impl ElementMesh {
             [(1.0 - s - t).max(0.0), s, t, 0.0]
         };
         Some((element, weights.map(|w| w as f32)))
-    }
-
-    /// The patch a ray of direction `dir` met, and from which side.
-    fn side_at(&self, hit: &Hit, dir: Vec3) -> Option<(u32, Side)> {
-        let index = self.patches.of_triangle(InstanceId(hit.instance), hit.primitive)?;
-        let front = area_vector(self.patches.patches[index as usize].corners());
-        Some((index, if front.dot(dir.as_dvec3()) <= 0.0 { Side::Front } else { Side::Back }))
     }
 
     /// Some cells of the patch are divided again.
@@ -548,12 +555,10 @@ impl ElementMesh {
             let (patch, n) = (&self.patches.patches[p], grid.n);
             let step = if patch.is_quad() { k.max(1) } else { (1..=k.max(1)).rev().find(|d| n[0] % d == 0).unwrap_or(1) };
             let m = n.map(|n| n.div_ceil(step));
-            let cells = if patch.is_quad() { m[0] * m[1] } else { m[0] * m[0] };
             for (first, side) in grid.first.into_iter().zip([Side::Front, Side::Back]) {
                 let Some(first) = first else { continue };
-                let mut of_block = vec![Vec::new(); cells as usize];
-                let count = self.splits[p].as_ref().and_then(|s| s.starts.last().copied()).unwrap_or(n[0] * n[1]);
-                for i in first..first + count {
+                let mut of_block = vec![Vec::new(); (m[0] * m[1]) as usize];
+                for i in first..first + self.n_on_side(p) as u32 {
                     let element = &self.elements[i as usize];
                     let block = if patch.is_quad() {
                         element.cell / n[0] / step * m[0] + element.cell % n[0] / step

@@ -19,6 +19,7 @@ pub mod display;
 mod exposure;
 pub mod form_factor;
 pub mod gather;
+mod groups;
 pub mod matrix;
 pub mod mesh;
 pub mod patch;

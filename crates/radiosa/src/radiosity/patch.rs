@@ -5,8 +5,10 @@
 
 use std::collections::HashMap;
 
-use crate::math::DVec3;
+use super::sides::Side;
+use crate::accel::Hit;
 use crate::math::polygon::area_vector;
+use crate::math::{DVec3, Vec3};
 use crate::scene::{Geometry, InstanceId, MaterialId, Mesh};
 use crate::transport::World;
 
@@ -55,6 +57,12 @@ impl Patch {
     /// m²
     pub fn area(&self) -> f64 {
         area_vector(self.corners()).length()
+    }
+
+    /// Its material emits on that side.
+    pub(super) fn emits(&self, world: &World, side: Side) -> bool {
+        let material = world.material(self.material);
+        material.is_emissive() && (side == Side::Front || material.two_sided)
     }
 
     /// The point of parameters `(s, t)`: bilinear in a quadrilateral; in a triangle they are the weights of its second and third corner.
@@ -149,6 +157,13 @@ impl Patches {
     pub fn of_triangle(&self, instance: InstanceId, triangle: u32) -> Option<u32> {
         let at = self.first[instance.index()] as usize + triangle as usize;
         self.of_triangle.get(at).copied().filter(|&p| p != NONE)
+    }
+
+    /// The patch a ray of direction `dir` met, and from which side; `None` for what has no patches.
+    pub(super) fn side_at(&self, hit: &Hit, dir: Vec3) -> Option<(u32, Side)> {
+        let index = self.of_triangle(InstanceId(hit.instance), hit.primitive)?;
+        let front = area_vector(self.patches[index as usize].corners());
+        Some((index, if front.dot(dir.as_dvec3()) <= 0.0 { Side::Front } else { Side::Back }))
     }
 }
 

@@ -7,13 +7,13 @@
 use rayon::prelude::*;
 
 use super::direct::DirectLight;
-use super::exposure::Groups;
+use super::groups;
 use super::mesh::surface_of;
 use super::patch::{Patch, Patches};
 use crate::math::polygon::area_vector;
 use crate::math::{DVec3, Frame, Vec2};
 use crate::sampling::{rng, sequence, warp};
-use crate::scene::{AlphaMode, InstanceId, Model};
+use crate::scene::{AlphaMode, Model};
 use crate::transport::World;
 
 /// Rays of one side, at least and at most.
@@ -55,13 +55,12 @@ pub(super) fn lit(world: &World, patches: &Patches, direct: &DirectLight) -> Vec
         .into_par_iter()
         .map(|node| {
             let patch = &patches.patches[node / 2];
-            let side = node % 2;
-            let normal = area_vector(patch.corners()).normalize_or_zero() * if side == 0 { 1.0 } else { -1.0 };
+            let (side, sign) = if node % 2 == 0 { (Side::Front, 1.0) } else { (Side::Back, -1.0) };
+            let normal = area_vector(patch.corners()).normalize_or_zero() * sign;
             if normal == DVec3::ZERO {
                 return (Vec::new(), false);
             }
-            let material = world.material(patch.material);
-            let mut is_lit = material.is_emissive() && (side == 0 || material.two_sided);
+            let mut is_lit = patch.emits(world, side);
             let frame = Frame::from_normal(normal.as_vec3());
             let (mut met, key) = (Vec::new(), rng::key(&[node as u64, 0x7369_6465]));
             for i in 0..rays {
@@ -69,12 +68,7 @@ pub(super) fn lit(world: &World, patches: &Patches, direct: &DirectLight) -> Vec
                 let dir = frame.to_world(warp::cosine_hemisphere(sequence::point_2d(i, key ^ 1)));
                 match world.closest_visible(&surface.ray(dir)) {
                     None => is_lit |= direct.has_sky(),
-                    Some((hit, _)) => {
-                        if let Some(other) = patches.of_triangle(InstanceId(hit.instance), hit.primitive) {
-                            let front = area_vector(patches.patches[other as usize].corners()).dot(dir.as_dvec3()) <= 0.0;
-                            met.push(2 * other + u32::from(!front));
-                        }
-                    }
+                    Some((hit, _)) => met.extend(patches.side_at(&hit, dir).map(|(other, side)| 2 * other + side as u32)),
                 }
                 if !is_lit && i < 32 {
                     is_lit = direct.reaches(&surface, normal.as_vec3());
@@ -85,15 +79,7 @@ pub(super) fn lit(world: &World, patches: &Patches, direct: &DirectLight) -> Vec
             (met, is_lit)
         })
         .collect();
-    let mut groups = Groups::new(2 * n);
-    for (node, (met, _)) in seen.iter().enumerate() {
-        met.iter().for_each(|&other| groups.join(node as u32, other));
-    }
-    let mut has_light = vec![false; 2 * n];
-    for (node, (_, is_lit)) in seen.iter().enumerate() {
-        has_light[groups.root(node as u32) as usize] |= is_lit;
-    }
-    (0..n as u32).map(|p| [0, 1].map(|side| has_light[groups.root(2 * p + side) as usize])).collect()
+    groups::lit(&seen).chunks_exact(2).map(|sides| [sides[0], sides[1]]).collect()
 }
 
 /// A point of a patch, uniform for triangles and parallelograms.

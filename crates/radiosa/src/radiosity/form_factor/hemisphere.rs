@@ -22,7 +22,6 @@ use std::f64::consts::PI;
 
 use super::Sums;
 use super::rule::{self, Turned};
-use super::visibility::in_front;
 use crate::math::function::{cos_f64, sin_f64};
 use crate::math::{DVec3, Ray, Vec2, Vec3};
 use crate::radiosity::mesh::{Element, ElementMesh};
@@ -164,7 +163,7 @@ struct Rays<'a, 'b> {
 impl Rays<'_, '_> {
     fn start(&mut self, element: &Element, at: Vec2, n_points: u32) {
         let source = rule::source_point(element, at, n_points);
-        (self.origin, self.share) = (in_front(element, source.p.as_vec3()), source.area / (element.area * f64::from(n_points)));
+        (self.origin, self.share) = (element.lift().in_front(source.p), source.area / (element.area * f64::from(n_points)));
     }
 
     fn push(&mut self, dir: DVec3, weight: f64) {

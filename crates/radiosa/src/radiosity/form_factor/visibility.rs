@@ -8,7 +8,6 @@
 //! more than what is far.
 
 use crate::accel::Occluder;
-use crate::math::rounding::{gamma, offset_origin};
 use crate::math::{DVec3, Ray, Vec3};
 use crate::radiosity::mesh::{self, Element, ElementMesh};
 use crate::sampling::rng;
@@ -28,17 +27,41 @@ pub struct Visibility<'a> {
     n: [usize; 2],
 }
 
+/// Rays traced together; kept between pairs.
+#[derive(Debug, Default)]
+pub(in crate::radiosity) struct Lines {
+    pub(in crate::radiosity) rays: Vec<Ray>,
+    blocked: Vec<bool>,
+    /// What passes of each ray.
+    pub(in crate::radiosity) passed: Vec<f32>,
+    occluder: Occluder,
+    /// Rays traced so far.
+    n_rays: u64,
+}
+
+impl Lines {
+    /// Traces the rays: what passes of each.
+    pub(in crate::radiosity) fn trace(&mut self, world: &World) {
+        self.n_rays += self.rays.len() as u64;
+        self.passed.clear();
+        if world.has_transparency() {
+            for rays in self.rays.chunks(8) {
+                let eight = std::array::from_fn(|i| rays[i.min(rays.len() - 1)]);
+                let passed = world.transmittances(&eight, rays.len(), true, &mut self.n_rays);
+                self.passed.extend(passed[..rays.len()].iter().map(|v| (v.r + v.g + v.b) / 3.0));
+            }
+        } else {
+            world.accel().occluded_between(&self.rays, &mut self.occluder, &mut self.blocked);
+            self.passed.extend(self.blocked.iter().map(|&blocked| if blocked { 0.0 } else { 1.0 }));
+        }
+    }
+}
+
 /// What a thread keeps between pairs.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    rays: Vec<Ray>,
+    lines: Lines,
     kernel: Vec<f32>,
-    blocked: Vec<bool>,
-    /// What passes of each ray.
-    passed: Vec<f32>,
-    occluder: Occluder,
-    /// Rays traced so far.
-    pub n_rays: u64,
 }
 
 impl<'a> Visibility<'a> {
@@ -46,7 +69,8 @@ impl<'a> Visibility<'a> {
     pub(super) fn new(world: &'a World, mesh: &ElementMesh, [rays, more]: [usize; 2]) -> Self {
         let mut points = Vec::with_capacity(mesh.elements().len() * POINTS);
         for (i, element) in mesh.elements().iter().enumerate() {
-            let of_point = |k: u32| in_front(element, element.at(mesh::point(i as u32, k)).as_vec3());
+            let lift = element.lift();
+            let of_point = |k: u32| lift.in_front(element.at(mesh::point(i as u32, k)));
             points.extend((0..POINTS as u32).map(of_point));
         }
         Self { world, points, n: [rays.clamp(1, POINTS), more.clamp(rays.clamp(1, POINTS), POINTS)] }
@@ -61,7 +85,7 @@ impl<'a> Visibility<'a> {
     pub(super) fn any_between(&self, elements: &[Element], [a, b]: [&[u32]; 2], n: usize, scratch: &mut Scratch) -> bool {
         let turn = (rng::mix(u64::from(a[0]) << 32 | u64::from(b[0])) >> 33) as usize;
         for first in (0..n).step_by(BATCH) {
-            scratch.rays.clear();
+            scratch.lines.rays.clear();
             for k in first..n.min(first + BATCH) {
                 // Every line from another element as long as there are some, to one that does not go along with it.
                 let (i, j) = (a[k % a.len()], b[(k * 7 + k / b.len() + turn) % b.len()]);
@@ -69,12 +93,12 @@ impl<'a> Visibility<'a> {
                 let d = q - p;
                 let faces = |i: u32, sign: f32| elements[i as usize].normal.as_vec3().dot(d) * sign > 0.0;
                 if faces(i, 1.0) && faces(j, -1.0) {
-                    scratch.rays.push(Ray { origin: p, dir: d, t_max: 1.0 });
+                    scratch.lines.rays.push(Ray { origin: p, dir: d, t_max: 1.0 });
                 }
             }
-            if !scratch.rays.is_empty() {
-                self.pass(scratch);
-                if scratch.passed.iter().any(|&passed| passed > 0.0) {
+            if !scratch.lines.rays.is_empty() {
+                scratch.lines.trace(self.world);
+                if scratch.lines.passed.iter().any(|&passed| passed > 0.0) {
                     return true;
                 }
             }
@@ -92,15 +116,15 @@ impl<'a> Visibility<'a> {
         let mut pairs = pairs.filter(|(_, kernel)| *kernel > 0.0 && kernel.is_finite()).peekable();
         let mut kernels = Vec::with_capacity(BATCH);
         while pairs.peek().is_some() {
-            scratch.rays.clear();
+            scratch.lines.rays.clear();
             kernels.clear();
             for ([p, q], kernel) in pairs.by_ref().take(BATCH) {
-                let [p, q] = [p, q].map(|(element, p)| in_front(element, p.as_vec3()));
-                scratch.rays.push(Ray { origin: p, dir: q - p, t_max: 1.0 });
+                let [p, q] = [p, q].map(|(element, p)| element.lift().in_front(p));
+                scratch.lines.rays.push(Ray { origin: p, dir: q - p, t_max: 1.0 });
                 kernels.push(kernel);
             }
-            self.pass(scratch);
-            for (kernel, passed) in kernels.iter().zip(&scratch.passed) {
+            scratch.lines.trace(self.world);
+            for (kernel, passed) in kernels.iter().zip(&scratch.lines.passed) {
                 let visible = kernel * f64::from(*passed);
                 sums[0] += visible;
                 sums[1] += visible * visible;
@@ -133,7 +157,7 @@ impl<'a> Visibility<'a> {
     ) -> [f64; 3] {
         let (from, to) = (self.of(i), self.of(j));
         let (na, nb) = (a.normal.as_vec3(), b.normal.as_vec3());
-        scratch.rays.clear();
+        scratch.lines.rays.clear();
         scratch.kernel.clear();
         // Within a power of two, so that the first few points meet the first few.
         let mut covered = 0.0;
@@ -147,35 +171,19 @@ impl<'a> Visibility<'a> {
             if !(a.exposes(k) && b.exposes(l)) {
                 covered += f64::from(if kernel.is_finite() { kernel } else { 0.0 });
             } else if kernel > 0.0 && kernel.is_finite() {
-                scratch.rays.push(Ray { origin: p, dir: d, t_max: 1.0 });
+                scratch.lines.rays.push(Ray { origin: p, dir: d, t_max: 1.0 });
                 scratch.kernel.push(kernel);
             }
         }
-        self.pass(scratch);
+        scratch.lines.trace(self.world);
         let mut sum = [0.0, covered, 0.0];
-        for (kernel, passed) in scratch.kernel.iter().zip(&scratch.passed) {
+        for (kernel, passed) in scratch.kernel.iter().zip(&scratch.lines.passed) {
             let kernel = f64::from(*kernel);
             sum[0] += kernel * f64::from(*passed);
             sum[1] += kernel;
             sum[2] += kernel * kernel;
         }
         sum
-    }
-
-    /// Traces the rays: what passes of each.
-    fn pass(&self, scratch: &mut Scratch) {
-        scratch.n_rays += scratch.rays.len() as u64;
-        scratch.passed.clear();
-        if self.world.has_transparency() {
-            for rays in scratch.rays.chunks(8) {
-                let eight = std::array::from_fn(|i| rays[i.min(rays.len() - 1)]);
-                let passed = self.world.transmittances(&eight, rays.len(), true, &mut scratch.n_rays);
-                scratch.passed.extend(passed[..rays.len()].iter().map(|v| (v.r + v.g + v.b) / 3.0));
-            }
-        } else {
-            self.world.accel().occluded_between(&scratch.rays, &mut scratch.occluder, &mut scratch.blocked);
-            scratch.passed.extend(scratch.blocked.iter().map(|&blocked| if blocked { 0.0 } else { 1.0 }));
-        }
     }
 
     /// Points in front of an element.
@@ -191,11 +199,4 @@ fn ratio([seen, all, squares]: [f64; 3]) -> [f64; 2] {
     }
     let p = seen / all;
     [p, (p * (1.0 - p).max(0.0) * squares).sqrt() / all]
-}
-
-/// A point of an element moved off its surface, to where rays may start and end: the bound of its rounding error is that of a hit (`transport::Surface`).
-pub(super) fn in_front(element: &Element, p: Vec3) -> Vec3 {
-    let largest = element.corners().iter().map(|c| c.abs().max_element()).fold(0.0, f64::max) as f32;
-    let normal = element.normal.as_vec3();
-    offset_origin(p, Vec3::splat(largest * gamma(16)), normal, normal)
 }

@@ -16,7 +16,7 @@ use super::gather::{Gather, Scratch};
 use super::mesh::{Element, ElementMesh};
 use super::solution::{Division, Radiosity, Settings as Solve, Solution};
 use crate::math::DVec3;
-use crate::spectrum::Spectrum;
+use crate::spectrum::{Spectrum, luminance};
 use crate::transport::{Solver, Step, World};
 
 /// Where and how often.
@@ -126,9 +126,4 @@ fn scale(solution: &Solution) -> f64 {
         area += a;
     }
     if sum > 0.0 { sum / area } else { 1.0 }
-}
-
-/// Y of linear RGB, in f64.
-fn luminance([r, g, b]: [f64; 3]) -> f64 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
 }

@@ -17,10 +17,9 @@
 
 use rayon::prelude::*;
 
-use super::super::mesh::{self, Element, ElementMesh};
+use super::super::mesh::{self, Element, ElementMesh, Lift};
 use super::super::system::{System, Unknowns};
-use crate::math::rounding::{gamma, offset_origin};
-use crate::math::{DVec3, Frame, Ray, Vec3};
+use crate::math::{DVec3, Frame, Ray};
 use crate::sampling::{rng, sequence, warp};
 use crate::transport::World;
 
@@ -267,22 +266,19 @@ impl Stochastic {
 struct Source<'a> {
     element: &'a Element,
     key: u64,
-    normal: Vec3,
     frame: Frame,
-    error: Vec3,
+    lift: Lift,
     /// The points that light can reach, where it cannot reach all.
     exposed: Vec<[f64; 2]>,
 }
 
 impl<'a> Source<'a> {
     fn new(element: &'a Element, seed: u64, j: u64) -> Self {
-        let normal = element.normal.as_vec3();
-        let largest = element.corners().iter().map(|c| c.abs().max_element()).fold(0.0, f64::max) as f32;
         let key = rng::key(&[seed, j]);
         let is_whole = (0..mesh::POINTS).all(|k| element.exposes(k));
         let points = (0..mesh::POINTS).filter(|&k| !is_whole && element.exposes(k));
         let exposed = points.map(|k| mesh::point(j as u32, k as u32)).collect();
-        Self { element, key, normal, frame: Frame::from_normal(normal), error: Vec3::splat(largest * gamma(16)), exposed }
+        Self { element, key, frame: Frame::from_normal(element.normal.as_vec3()), lift: element.lift(), exposed }
     }
 
     /// From a point uniform over the element, in a direction by the cosine: two dimensions each of a sequence.
@@ -293,9 +289,8 @@ impl<'a> Source<'a> {
             // Light leaves the part in the open alone.
             points => self.element.at(points[(u.x * points.len() as f32) as usize]),
         };
-        let p = p.as_vec3();
         let dir = self.frame.to_world(warp::cosine_hemisphere(sequence::point_2d(sample, self.key ^ 0x6469_7265)));
-        Ray::new(offset_origin(p, self.error, self.normal, self.normal), dir)
+        Ray::new(self.lift.in_front(p), dir)
     }
 }
 
