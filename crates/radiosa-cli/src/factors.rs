@@ -1,16 +1,16 @@
 //! The verb `factors`: form factors between the surfaces of a scene.
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use radiosa::export::matrix;
-use radiosa::import::{self, Warning};
+use radiosa::import::Warning;
 use radiosa::radiosity::between::{Between, Correction};
 use radiosa::radiosity::form_factor::{self as form_factor, Factors, Row, Scratch, area, hemicube, hemisphere, pair};
 use radiosa::radiosity::mesh::{self, ElementMesh, Sides};
-use radiosa::scene::{Geometry, Scene};
+use radiosa::scene::Geometry;
 use radiosa::transport::World;
 use serde_json::json;
 
@@ -36,7 +36,7 @@ fn factors(args: &Args, json: bool) -> Result<ExitCode, Error> {
         matrix::check_target(output)?;
     }
     let mut warnings = Vec::new();
-    let scene = load(args, &mut warnings)?;
+    let scene = plan::read(&args.scene, &[], &args.work, &mut warnings)?;
     let outputs =
         if args.output.is_empty() { vec![PathBuf::from(format!("{}-factors.csv", scene.name))] } else { args.output.clone() };
     for output in &outputs {
@@ -130,20 +130,6 @@ fn factors(args: &Args, json: bool) -> Result<ExitCode, Error> {
         crate::version::say(&report.to_string());
     }
     Ok(if interrupt::asked() { ExitCode::from(130) } else { ExitCode::SUCCESS })
-}
-
-fn load(args: &Args, warnings: &mut Vec<Warning>) -> Result<Scene, Error> {
-    let path = Path::new(&args.scene);
-    if let Some(scene) = import::sample::load_with(&args.scene, &[]) {
-        return Ok(scene?);
-    }
-    if !path.exists() && path.extension().is_none() {
-        return Err(crate::scenes::unknown(&args.scene));
-    }
-    let options = import::Options { allow_outside: args.work.allow_outside.clone(), max_memory: args.work.max_memory };
-    let (scene, found) = import::load(path, &options)?;
-    warnings.extend(found);
-    Ok(scene)
 }
 
 fn estimator(args: &Args) -> form_factor::Estimator {

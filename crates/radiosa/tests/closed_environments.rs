@@ -478,8 +478,8 @@ fn a_lamp_in_a_sphere_lights_it_evenly_wherever_it_hangs() {
     }
 }
 
-#[test]
-fn a_spot_light_brings_a_wall_what_its_cone_holds() {
+/// A grey square of half the side `half` and a spot light above its middle; its distance, the exponent of its cone and where that is cut off.
+fn wall_under_a_spot(half: f64, intensity: f32) -> (World, [f64; 3]) {
     let (distance, exponent, cutoff) = (1.5f64, 8.0f64, 0.5f64);
     let kind = LightKind::Spot {
         position: DVec3::new(0.0, 0.0, distance),
@@ -489,8 +489,14 @@ fn a_spot_light_brings_a_wall_what_its_cone_holds() {
         attenuation: Attenuation { c1: 0.0, c2: 0.0, c3: 1.0 },
         range: f64::INFINITY,
     };
-    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
-    let world = world(&[Face::grey(corners, 0.0, 0.5)], vec![Light::new("spot", Spectrum::WHITE * 2.0, kind)]);
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| DVec3::new(half * x, half * y, 0.0));
+    let light = Light::new("spot", Spectrum::WHITE * intensity, kind);
+    (world(&[Face::grey(corners.to_vec(), 0.0, 0.5)], vec![light]), [distance, exponent, cutoff])
+}
+
+#[test]
+fn a_spot_light_brings_a_wall_what_its_cone_holds() {
+    let (world, [distance, exponent, cutoff]) = wall_under_a_spot(1.0, 2.0);
     let solution = solve(&world, &settings(Method::GaussSeidel, Some(2.0 / 24.0), 1e-3), |_| ());
     // ∫ π I cosᵏθ dω over the cone; and π I cosᵏ⁺¹θ/d² where an element lies in it as a whole.
     let all = PI * 2.0 * 2.0 * PI * (1.0 - cutoff.cos().powf(exponent + 1.0)) / (exponent + 1.0);
@@ -643,17 +649,7 @@ fn refined_meshes_cover_their_patches_once() {
 #[test]
 fn refinement_finds_the_rim_of_a_spot() {
     use radiosa::radiosity::refine;
-    let (distance, exponent, cutoff) = (1.5f64, 8.0f64, 0.5f64);
-    let kind = LightKind::Spot {
-        position: DVec3::new(0.0, 0.0, distance),
-        axis: DVec3::NEG_Z,
-        cone: Cone::Classic { exponent, cutoff },
-        unit: PhotometricUnit::Classic,
-        attenuation: Attenuation { c1: 0.0, c2: 0.0, c3: 1.0 },
-        range: f64::INFINITY,
-    };
-    let corners = [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]].map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
-    let world = world(&[Face::grey(corners, 0.0, 0.5)], vec![Light::new("spot", Spectrum::WHITE, kind)]);
+    let (world, [distance, exponent, cutoff]) = wall_under_a_spot(2.0, 1.0);
     let truth = |p: DVec3| {
         let d2 = p.length_squared() + distance * distance;
         let cosine = distance / d2.sqrt();

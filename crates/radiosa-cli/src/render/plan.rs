@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use radiosa::film::{self, Film, Layer};
-use radiosa::import::{self, Warning};
+use radiosa::import::{self, Override, Warning};
 use radiosa::math::{CpuPath, DMat3};
 use radiosa::scene::{Camera, Environment, EnvironmentRadiance, Filter, Projection, Scene};
 use radiosa::spectrum::Spectrum;
@@ -103,18 +103,21 @@ pub(crate) fn cpu_path(choice: args::CpuPath) -> Result<CpuPath, Error> {
 
 /// The scene, built in or from a file, with what the command line changes.
 pub(crate) fn load(name: &str, changes: &SceneChanges, work: &Work, warnings: &mut Vec<Warning>) -> Result<Scene, Error> {
-    let options = import_options(work);
+    adjust(read(name, &changes.set, work, warnings)?, changes, work)
+}
+
+/// The scene, built in or from a file, with some of its values replaced.
+pub(crate) fn read(name: &str, set: &[Override], work: &Work, warnings: &mut Vec<Warning>) -> Result<Scene, Error> {
     let path = Path::new(name);
-    let scene = if let Some(scene) = import::sample::load_with(name, &changes.set) {
-        scene?
-    } else if path.exists() || path.extension().is_some() {
-        let (scene, found) = import::load_with(path, &changes.set, &options)?;
-        warnings.extend(found);
-        scene
-    } else {
+    if let Some(scene) = import::sample::load_with(name, set) {
+        return Ok(scene?);
+    }
+    if !path.exists() && path.extension().is_none() {
         return Err(crate::scenes::unknown(name));
-    };
-    adjust(scene, changes, work)
+    }
+    let (scene, found) = import::load_with(path, set, &import_options(work))?;
+    warnings.extend(found);
+    Ok(scene)
 }
 
 fn import_options(work: &Work) -> import::Options {

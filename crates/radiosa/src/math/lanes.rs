@@ -107,6 +107,27 @@ pub(crate) fn eight_mut(column: &mut [f32], i: usize) -> &mut [f32; 8] {
     column[i..].first_chunk_mut().expect("columns have room for the lanes behind their last row")
 }
 
+/// Eight vectors or colours.
+pub(crate) type V3<L> = [L; 3];
+
+/// `a · b`, a row each.
+#[inline(always)]
+pub(crate) fn dot<L: Lanes>(a: V3<L>, b: V3<L>) -> L {
+    a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
+}
+
+/// The same in every lane.
+#[inline(always)]
+pub(crate) fn splat3<L: Lanes>(v: super::Vec3) -> V3<L> {
+    [L::splat(v.x), L::splat(v.y), L::splat(v.z)]
+}
+
+/// Eight rows from row `i` on.
+#[inline(always)]
+pub(crate) fn load3<L: Lanes>(v: &Columns, i: usize) -> V3<L> {
+    xyz!(k => L::load(eight(&v[k], i)))
+}
+
 /// Defines functions that run a generic kernel compiled for a processor: the first argument says for which, and is checked.
 macro_rules! for_each_cpu {
     ($($(#[$doc:meta])* $vis:vis fn $name:ident($($arg:ident: $ty:ty),* $(,)?) $(-> $ret:ty)? = $generic:ident;)*) => { $(

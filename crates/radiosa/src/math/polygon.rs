@@ -10,6 +10,18 @@ pub fn area_vector(corners: &[DVec3]) -> DVec3 {
     rest.windows(2).map(|e| (e[0] - first).cross(e[1] - first)).sum::<DVec3>() * 0.5
 }
 
+/// The bilinear map of the unit square: corners at (0, 0), (1, 0), (1, 1), (0, 1).
+pub fn bilinear([a, b, c, d]: [DVec3; 4], [s, t]: [f64; 2]) -> DVec3 {
+    (a * (1.0 - s) + b * s) * (1.0 - t) + (d * (1.0 - s) + c * s) * t
+}
+
+/// What of its image's area belongs to one of the unit square at a point.
+pub fn bilinear_area([a, b, c, d]: [DVec3; 4], [s, t]: [f64; 2]) -> f64 {
+    let along_s = (b - a) * (1.0 - t) + (c - d) * t;
+    let along_t = (d - a) * (1.0 - s) + (c - b) * s;
+    along_s.cross(along_t).length()
+}
+
 /// The part of a convex polygon on the side of the plane through `origin` that `normal` points to, appended to `out` (cleared first).
 ///
 /// Corners nearer to the plane than `tolerance` (in units of `normal`'s length times metres) count as lying in it: polygons that touch the plane

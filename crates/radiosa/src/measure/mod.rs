@@ -3,12 +3,11 @@
 //! A sensor is a point and a direction in the coordinates of the input file; it sees the half space its direction points into. One that lies on a surface,
 //! but for the rounding of its file, is put onto it.
 
-use crate::bsdf::Bsdf;
 use crate::emitter::EnvironmentShadows;
 use crate::math::rounding::gamma;
 use crate::math::{DVec3, Ray, Vec3};
 use crate::spectrum::Spectrum;
-use crate::transport::{Emitters, LightSettings, Lights, Shading, Surface, World};
+use crate::transport::{Emitters, LightSettings, Lights, Surface, World};
 
 /// A sensor this close to a surface, relative to the size of the scene, lies on it.
 const ON_SURFACE: f32 = 1e-4;
@@ -164,10 +163,7 @@ impl Direct {
     /// What a sensor sees of them.
     pub fn at(&self, world: &World, sensor: &Sensor) -> Reading {
         let (surface, n) = sensor.place(world);
-        // A white surface shows E/π.
-        let white = Shading { n, wo: n, bsdf: Bsdf::lambert(Spectrum::WHITE), emission: Spectrum::BLACK, coverage: 1.0 };
-        let light = self.lights.at(world, &surface, &white, true, &mut 0);
-        Reading { irradiance: light.diffuse * std::f32::consts::PI, standard_error: 0.0 }
+        Reading { irradiance: self.lights.irradiance(world, &surface, n), standard_error: 0.0 }
     }
 }
 

@@ -10,6 +10,7 @@
 use rayon::prelude::*;
 
 use super::form_factor::{Factors, Row, Scratch};
+use super::matrix::mirrored;
 use super::mesh::ElementMesh;
 
 /// One factor.
@@ -102,7 +103,8 @@ impl Between {
                     (i + 1..n).map(exchange).filter(|e| e.exchange > 0.0).collect()
                 })
                 .collect();
-            return Self::from_upper(areas, upper);
+            let (starts, entries) = mirrored(&upper, |e| e.to, |_, to, e| Entry { to, ..*e });
+            return Self { areas, starts, entries };
         }
         let rows: Vec<Vec<Entry>> = (0..n)
             .into_par_iter()
@@ -125,30 +127,6 @@ impl Between {
         for row in rows {
             entries.extend_from_slice(&row);
             starts.push(entries.len());
-        }
-        Self { areas, starts, entries }
-    }
-
-    /// From entries with `to` above the row they are in: each stands for its mirror image too.
-    fn from_upper(areas: Vec<f64>, upper: Vec<Vec<Entry>>) -> Self {
-        let n = upper.len();
-        let mut starts = vec![0usize; n + 1];
-        for (i, row) in upper.iter().enumerate() {
-            starts[i + 1] += row.len();
-            row.iter().for_each(|e| starts[e.to as usize + 1] += 1);
-        }
-        (0..n).for_each(|i| starts[i + 1] += starts[i]);
-        let mut next = starts.clone();
-        let mut entries = vec![Entry::default(); starts[n]];
-        // Rising in every row: what lies below the diagonal comes from earlier rows, in their order.
-        for (i, row) in upper.into_iter().enumerate() {
-            for entry in row {
-                entries[next[i]] = entry;
-                next[i] += 1;
-                let mirror = &mut next[entry.to as usize];
-                entries[*mirror] = Entry { to: i as u32, ..entry };
-                *mirror += 1;
-            }
         }
         Self { areas, starts, entries }
     }

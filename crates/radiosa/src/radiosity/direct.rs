@@ -6,13 +6,12 @@
 use rayon::prelude::*;
 
 use super::mesh::{Element, ElementMesh};
-use crate::bsdf::Bsdf;
 use crate::emitter::EnvironmentShadows;
 use crate::math::{Frame, Vec3};
 use crate::sampling::{rng, sequence, warp};
 use crate::scene::LightKind;
 use crate::spectrum::Spectrum;
-use crate::transport::{Emitters, LightSettings, Lights, Shading, Surface, World};
+use crate::transport::{Emitters, LightSettings, Lights, Surface, World};
 
 /// Points of an element at first, and where they disagree.
 const POINTS: [u32; 2] = [4, 64];
@@ -117,9 +116,7 @@ impl<'a> DirectLight<'a> {
 
     /// Lights with a place or a direction.
     fn of_lights(&self, surface: &Surface, n: Vec3) -> Spectrum {
-        // A white surface shows E/π.
-        let white = Shading { n, wo: n, bsdf: Bsdf::lambert(Spectrum::WHITE), emission: Spectrum::BLACK, coverage: 1.0 };
-        self.lights.at(self.world, surface, &white, true, &mut 0).diffuse * std::f32::consts::PI
+        self.lights.irradiance(self.world, surface, n)
     }
 
     /// One ray of a cosine-weighted set: `E = π · mean L`.

@@ -8,10 +8,8 @@ use super::mesh::ElementMesh;
 pub struct Matrix {
     /// Row `i` has the entries `starts[i]..starts[i + 1]`.
     starts: Vec<usize>,
-    /// `j` of every entry, rising within a row.
-    columns: Vec<u32>,
-    /// `F_ij` of every entry.
-    factors: Vec<f32>,
+    /// `(j, F_ij)` by rising `j` within a row.
+    entries: Vec<(u32, f32)>,
 }
 
 impl Matrix {
@@ -19,37 +17,17 @@ impl Matrix {
     pub fn from_rows(rows: &[Row]) -> Self {
         let mut matrix = Self { starts: vec![0], ..Self::default() };
         for row in rows {
-            matrix.columns.extend(row.iter().map(|&(j, _)| j));
-            matrix.factors.extend(row.iter().map(|&(_, f)| f as f32));
-            matrix.starts.push(matrix.columns.len());
+            matrix.entries.extend(row.iter().map(|&(j, f)| (j, f as f32)));
+            matrix.starts.push(matrix.entries.len());
         }
         matrix
     }
 
     /// From the exchange areas `A_i F_ij` with `j > i`: both rows get theirs.
     pub fn from_exchange_areas(upper: &[Vec<(u32, f64)>], mesh: &ElementMesh) -> Self {
-        let n = upper.len();
-        let mut starts = vec![0usize; n + 1];
-        for (i, row) in upper.iter().enumerate() {
-            starts[i + 1] += row.len();
-            row.iter().for_each(|&(j, _)| starts[j as usize + 1] += 1);
-        }
-        (0..n).for_each(|i| starts[i + 1] += starts[i]);
-        let mut next = starts.clone();
-        let (mut columns, mut factors) = (vec![0u32; starts[n]], vec![0f32; starts[n]]);
-        let area = |i: usize| mesh.elements()[i].area;
-        // Rising j in every row: its entries below i come from earlier rows, in their order.
-        for (i, row) in upper.iter().enumerate() {
-            for &(j, exchange) in row {
-                let at = next[i];
-                (columns[at], factors[at]) = (j, (exchange / area(i)) as f32);
-                next[i] += 1;
-                let at = next[j as usize];
-                (columns[at], factors[at]) = (i as u32, (exchange / area(j as usize)) as f32);
-                next[j as usize] += 1;
-            }
-        }
-        Self { starts, columns, factors }
+        let factor = |i: u32, j: u32, entry: &(u32, f64)| (j, (entry.1 / mesh.elements()[i as usize].area) as f32);
+        let (starts, entries) = mirrored(upper, |entry| entry.0, factor);
+        Self { starts, entries }
     }
 
     /// Rows.
@@ -59,17 +37,47 @@ impl Matrix {
 
     /// Entries above zero.
     pub fn n_entries(&self) -> usize {
-        self.columns.len()
+        self.entries.len()
     }
 
     /// `(j, F_ij)` by rising `j`.
     pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, f64)> {
-        let range = self.starts[i]..self.starts[i + 1];
-        self.columns[range.clone()].iter().zip(&self.factors[range]).map(|(&j, &f)| (j as usize, f64::from(f)))
+        self.entries[self.starts[i]..self.starts[i + 1]].iter().map(|&(j, f)| (j as usize, f64::from(f)))
     }
 
     /// `Σ_j F_ij`: what arrives anywhere of what leaves `i`.
     pub fn row_sum(&self, i: usize) -> f64 {
         self.row(i).map(|(_, f)| f).sum()
     }
+}
+
+/// Sparse rows from those above the diagonal, each of whose entries stands for its mirror image too: where rows start, and `entry(i, j, …)` of both,
+/// by rising `j`.
+pub(super) fn mirrored<E, T: Copy + Default>(
+    upper: &[Vec<E>],
+    column: impl Fn(&E) -> u32,
+    entry: impl Fn(u32, u32, &E) -> T,
+) -> (Vec<usize>, Vec<T>) {
+    let n = upper.len();
+    let mut starts = vec![0usize; n + 1];
+    for (i, row) in upper.iter().enumerate() {
+        starts[i + 1] += row.len();
+        row.iter().for_each(|e| starts[column(e) as usize + 1] += 1);
+    }
+    (0..n).for_each(|i| starts[i + 1] += starts[i]);
+    let mut next = starts.clone();
+    let mut entries = vec![T::default(); starts[n]];
+    let mut put = |i: u32, j: u32, e: &E| {
+        let at = &mut next[i as usize];
+        entries[*at] = entry(i, j, e);
+        *at += 1;
+    };
+    // Rising in every row: what lies below the diagonal comes from earlier rows, in their order.
+    for (i, row) in upper.iter().enumerate() {
+        for e in row {
+            put(i as u32, column(e), e);
+            put(column(e), i as u32, e);
+        }
+    }
+    (starts, entries)
 }

@@ -9,7 +9,7 @@ use super::exposure;
 use super::patch::{Patch, Patches};
 use super::sides::{self, Side};
 use crate::accel::Hit;
-use crate::math::polygon::area_vector;
+use crate::math::polygon::{area_vector, bilinear};
 use crate::math::rounding::{gamma, offset_origin};
 use crate::math::{DVec3, Ray, Vec3};
 use crate::sampling::{rng, sequence};
@@ -119,10 +119,10 @@ impl Element {
 
     /// The image of a point of the unit square: bilinear, or folded into a triangle so that areas keep their proportion.
     pub fn at(&self, [s, t]: [f64; 2]) -> DVec3 {
-        let [a, b, c, d] = self.corners;
         if self.n_corners == 4 {
-            return (a * (1.0 - s) + b * s) * (1.0 - t) + (d * (1.0 - s) + c * s) * t;
+            return bilinear(self.corners, [s, t]);
         }
+        let [a, b, c, _] = self.corners;
         // [Heitz19], the square's diagonal becomes the triangle's median.
         let (s, t) = if t > s { (0.5 * s, t - 0.5 * s) } else { (s - 0.5 * t, 0.5 * t) };
         a + (b - a) * s + (c - a) * t
@@ -502,11 +502,7 @@ fn reversed(is_quad: bool, [s, t]: [f64; 2]) -> [f64; 2] {
 fn part_of(whole: &Element, k: u32, part: u32) -> Element {
     let c = whole.corners;
     let patch = |[s, t]: [f64; 2]| {
-        if whole.n_corners == 4 {
-            (c[0] * (1.0 - s) + c[1] * s) * (1.0 - t) + (c[3] * (1.0 - s) + c[2] * s) * t
-        } else {
-            c[0] + (c[1] - c[0]) * s + (c[2] - c[0]) * t
-        }
+        if whole.n_corners == 4 { bilinear(c, [s, t]) } else { c[0] + (c[1] - c[0]) * s + (c[2] - c[0]) * t }
     };
     let (corners, n_corners) =
         cell_corners(whole.n_corners == 4, [k; 2], part, |i, j| patch([i, j].map(|i| f64::from(i) / f64::from(k))));

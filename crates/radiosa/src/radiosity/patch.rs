@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use super::sides::Side;
 use crate::accel::Hit;
-use crate::math::polygon::area_vector;
+use crate::math::polygon::{area_vector, bilinear};
 use crate::math::{DVec3, Vec3};
 use crate::scene::{Geometry, InstanceId, MaterialId, Mesh};
 use crate::transport::World;
@@ -67,12 +67,11 @@ impl Patch {
 
     /// The point of parameters `(s, t)`: bilinear in a quadrilateral; in a triangle they are the weights of its second and third corner.
     pub fn at(&self, [s, t]: [f64; 2]) -> DVec3 {
-        let [a, b, c, d] = self.corners;
         if self.is_quad {
-            (a * (1.0 - s) + b * s) * (1.0 - t) + (d * (1.0 - s) + c * s) * t
-        } else {
-            a + (b - a) * s + (c - a) * t
+            return bilinear(self.corners, [s, t]);
         }
+        let [a, b, c, _] = self.corners;
+        a + (b - a) * s + (c - a) * t
     }
 
     /// The parameters of a point of the patch, up to rounding; within their range wherever the point is.

@@ -5,7 +5,7 @@
 //! behind the eye as well, so clipped faces need no new attributes.
 
 use super::surfaces::{Faces, Surfaces};
-use crate::math::lanes::{Columns, Cpu, LANES, Lanes, eight, eight_mut, for_each_cpu, xyz};
+use crate::math::lanes::{Columns, Cpu, LANES, Lanes, V3, dot, eight, eight_mut, for_each_cpu, load3, splat3, xyz};
 use crate::math::{CpuPath, DVec3, Vec2, Vec3, Vec4};
 use crate::raster::Projection;
 use crate::scene::{Geometry, InstanceId, MaterialId, Mesh, TextureRef};
@@ -203,18 +203,6 @@ fn weigh_on<C: Cpu>(facet: &[[f32; 3]; 3], x: &[f32], y: &[f32], [mut i, end]: [
     }
 }
 
-type V3<L> = [L; 3];
-
-#[inline(always)]
-fn dot<L: Lanes>(a: V3<L>, b: V3<L>) -> L {
-    a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
-}
-
-#[inline(always)]
-fn splat3<L: Lanes>(v: Vec3) -> V3<L> {
-    [L::splat(v.x), L::splat(v.y), L::splat(v.z)]
-}
-
 #[inline(always)]
 fn mix<L: Lanes>(v: &[Vec3; 3], w: V3<L>) -> V3<L> {
     let (a, b, c) = (splat3::<L>(v[0]), splat3::<L>(v[1]), splat3::<L>(v[2]));
@@ -243,7 +231,7 @@ fn interpolate_on<C: Cpu>(facet: &Facet, eye: &Eye, weights: &Columns, [mut i, e
     let (ng, back, at) = (splat3::<L<C>>(facet.ng), splat3::<L<C>>(-eye.forward), splat3::<L<C>>(eye.at));
     let mut row = first;
     while i < end {
-        let w: V3<L<C>> = xyz!(k => L::<C>::load(eight(&weights[k], i)));
+        let w = load3::<L<C>>(weights, i);
         let p = mix(&facet.positions, w);
         let n = match &facet.normals {
             Some(normals) => {

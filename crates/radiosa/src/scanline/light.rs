@@ -9,7 +9,7 @@ use super::facet::{Eye, Facet};
 use super::look::Look;
 use super::tile::{Asked, Data, Drawing, Facets, Scratch, Shown, Varying};
 use crate::bsdf::texture::Bilinear;
-use crate::math::lanes::{Columns, Cpu, LANES, Lanes, eight, eight_mut, for_each_cpu};
+use crate::math::lanes::{Columns, Cpu, LANES, Lanes, eight, eight_mut, for_each_cpu, load3};
 use crate::math::{CpuPath, Vec3};
 use crate::scene::TextureRef;
 use crate::spectrum::Spectrum;
@@ -296,7 +296,7 @@ fn lay_on<C: Cpu>(
     let lobes = corners.map(|l| [l.ambient.to_array(), l.diffuse.to_array(), l.specular.to_array()]);
     let one = L::<C>::splat(1.0);
     while i < end {
-        let w = [L::<C>::load(eight(&weights[0], i)), L::<C>::load(eight(&weights[1], i)), L::<C>::load(eight(&weights[2], i))];
+        let w = load3::<L<C>>(weights, i);
         let mut k = 0;
         while k < 3 {
             let mut light = [one; 3];

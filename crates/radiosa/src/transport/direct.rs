@@ -2,6 +2,7 @@
 //! radiosity's displayed direct part share.
 
 use super::{Shading, Surface, World};
+use crate::bsdf::Bsdf;
 use crate::emitter::area::{self, PointSample};
 use crate::emitter::environment::Sky;
 use crate::emitter::random::PointSampler;
@@ -160,7 +161,13 @@ impl Lights {
         self.gather(world, surface, shading, shadows, (&self.emitters, &[]), n_rays)
     }
 
-    /// The same with `n` points drawn on the emissive surfaces, when [`Self::with_random_points`] asks for that.
+    /// The irradiance of a surface from the side of `n` (unit), W/m² or lux, with shadows: π times the radiance of a white one.
+    pub fn irradiance(&self, world: &World, surface: &Surface, n: Vec3) -> Spectrum {
+        let white = Shading { n, wo: n, bsdf: Bsdf::lambert(Spectrum::WHITE), emission: Spectrum::BLACK, coverage: 1.0 };
+        self.at(world, surface, &white, true, &mut 0).diffuse * std::f32::consts::PI
+    }
+
+    /// As [`Self::at`], with `n` points drawn on the emissive surfaces, when [`Self::with_random_points`] asks for that.
     pub fn at_random(
         &self,
         world: &World,

@@ -16,7 +16,7 @@ use crate::emitter::hemispherical::Hemispherical;
 use crate::emitter::point::Falloff;
 use crate::emitter::spot::Profile;
 use crate::math::Vec3;
-use crate::math::lanes::{Columns, Cpu, Ints, LANES, Lanes, eight, for_each_cpu, xyz};
+use crate::math::lanes::{Columns, Cpu, Ints, LANES, Lanes, V3, dot, eight, for_each_cpu, load3, splat3, xyz};
 use crate::scene::PhongLobe;
 use crate::spectrum::Spectrum;
 
@@ -286,23 +286,6 @@ for_each_cpu! {
         emitters: &[Emitter],
         out: &mut LightColumns,
     ) = light_on;
-}
-
-type V3<L> = [L; 3];
-
-#[inline(always)]
-fn dot<L: Lanes>(a: V3<L>, b: V3<L>) -> L {
-    a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
-}
-
-#[inline(always)]
-fn splat3<L: Lanes>(v: Vec3) -> V3<L> {
-    [L::splat(v.x), L::splat(v.y), L::splat(v.z)]
-}
-
-#[inline(always)]
-fn load3<L: Lanes>(v: &Columns, i: usize) -> V3<L> {
-    xyz!(k => L::load(eight(&v[k], i)))
 }
 
 /// Eight points under one light after the other.

@@ -13,7 +13,7 @@ use std::collections::{BinaryHeap, HashMap};
 
 use super::analytic::{self, gauss_legendre, point_to_visible_polygon};
 use crate::math::DVec3;
-use crate::math::polygon::{area_vector, clip};
+use crate::math::polygon::{area_vector, bilinear, bilinear_area, clip};
 
 /// Cells the outer polygon is divided into, at most.
 const MAX_CELLS: usize = 4096;
@@ -336,15 +336,12 @@ fn quarters([a, b, c, d]: [DVec3; 4]) -> [[DVec3; 4]; 4] {
 }
 
 /// Gauss and Legendre's tensor rule of `[3, 4]` points a side.
-fn by_rule([a, b, c, d]: &[DVec3; 4], which: usize, f: &mut impl FnMut(DVec3) -> f64) -> f64 {
+fn by_rule(corners: &[DVec3; 4], which: usize, f: &mut impl FnMut(DVec3) -> f64) -> f64 {
     let rule = &RULES[which];
     let mut sum = 0.0;
     for &[t, wt] in rule {
         for &[s, ws] in rule {
-            let p = (*a * (1.0 - s) + *b * s) * (1.0 - t) + (*d * (1.0 - s) + *c * s) * t;
-            let along_s = (*b - *a) * (1.0 - t) + (*c - *d) * t;
-            let along_t = (*d - *a) * (1.0 - s) + (*c - *b) * s;
-            sum += ws * wt * along_s.cross(along_t).length() * f(p);
+            sum += ws * wt * bilinear_area(*corners, [s, t]) * f(bilinear(*corners, [s, t]));
         }
     }
     sum

@@ -2,7 +2,7 @@
 
 use super::analytic::gauss_legendre;
 use crate::math::function::{cos_f64, sin_f64};
-use crate::math::{DVec3, Vec2};
+use crate::math::{DVec3, Vec2, polygon};
 use crate::radiosity::mesh::Element;
 
 /// A point of an element and the area it stands for.
@@ -38,11 +38,8 @@ pub(super) fn gauss(element: &Element, n: usize, out: &mut Vec<Node>) {
 /// The point of parameters `(s, t)` and the area for one of the unit square there; a triangle is a quadrilateral with two corners in one place.
 pub(super) fn bilinear(element: &Element, [s, t]: [f64; 2]) -> Node {
     let c = element.corners();
-    let [a, b, c, d] = [c[0], c[1], c[2], c[c.len() - 1]];
-    let p = (a * (1.0 - s) + b * s) * (1.0 - t) + (d * (1.0 - s) + c * s) * t;
-    let along_s = (b - a) * (1.0 - t) + (c - d) * t;
-    let along_t = (d - a) * (1.0 - s) + (c - b) * s;
-    Node { p, area: along_s.cross(along_t).length() }
+    let corners = [c[0], c[1], c[2], c[c.len() - 1]];
+    Node { p: polygon::bilinear(corners, [s, t]), area: polygon::bilinear_area(corners, [s, t]) }
 }
 
 /// A point of an element from which its factors are estimated, and the area it stands for: one of `n`, the centre when there is only one.
