@@ -8,6 +8,7 @@
 //! the difference has kinks where shadows meet edges, so cells are divided where two rules disagree, the worst first. Occluders are opaque polygons,
 //! seen from both sides.
 
+use std::borrow::Cow;
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashMap};
 
@@ -59,7 +60,9 @@ pub fn exchange_area(a: &[DVec3], b: &[DVec3], occluders: &[&[DVec3]], tolerance
         return Estimate::default();
     }
     let free = analytic::exchange_area(a, b, 1e-2 * tolerance.max(1e-12));
-    let between: Vec<&[DVec3]> = occluders.iter().copied().filter(|o| o.len() >= 3 && may_block(a, b, o)).collect();
+    let (of_a, of_b) = (Outline::new(a), Outline::new(b));
+    let is_between = |o: &&[DVec3]| o.len() >= 3 && may_block(&of_a, &of_b, &Outline::new(*o));
+    let between: Vec<&[DVec3]> = occluders.iter().copied().filter(is_between).collect();
     exchange_past(free, a, b, &between, tolerance, scratch)
 }
 
@@ -155,37 +158,59 @@ fn union(first: &[DVec3], second: &[DVec3], [a, b]: [DVec3; 2]) -> Option<Vec<DV
     (corners.len() >= 3).then_some(corners)
 }
 
+/// A convex polygon with what is asked of it for every pair.
+#[derive(Clone, Debug)]
+pub(super) struct Outline<'a> {
+    pub(super) corners: Cow<'a, [DVec3]>,
+    /// Unit, the front's; zero where it has no area.
+    normal: DVec3,
+    min: DVec3,
+    max: DVec3,
+}
+
+impl<'a> Outline<'a> {
+    pub(super) fn new(corners: impl Into<Cow<'a, [DVec3]>>) -> Self {
+        let corners = corners.into();
+        let normal = area_vector(&corners).normalize_or_zero();
+        let around = |[l, h]: [DVec3; 2], p: &DVec3| [l.min(*p), h.max(*p)];
+        let [min, max] = corners.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], around);
+        Self { corners, normal, min, max }
+    }
+
+    /// Something of it lies more than `tiny` in front of another.
+    fn reaches_before(&self, other: &Self, tiny: f64) -> bool {
+        self.corners.iter().any(|p| (*p - other.corners[0]).dot(other.normal) > tiny)
+    }
+}
+
 /// Something of `o` may lie between the fronts of `a` and `b`: false is certain.
-pub(super) fn may_block(a: &[DVec3], b: &[DVec3], o: &[DVec3]) -> bool {
+pub(super) fn may_block(a: &Outline, b: &Outline, o: &Outline) -> bool {
     let tiny = 1e-9 * reach(a, b, o);
-    let reaches = |other: &[DVec3]| {
-        let n = area_vector(other).normalize_or_zero();
-        o.iter().any(|p| (*p - other[0]).dot(n) > tiny)
-    };
-    crosses(a, b, o) && reaches(a) && reaches(b)
+    crosses(a, b, o) && o.reaches_before(a, tiny) && o.reaches_before(b, tiny)
 }
 
 /// Something of `o` may lie between `a` and `b`, whichever sides of them: false is certain.
-pub(super) fn crosses(a: &[DVec3], b: &[DVec3], o: &[DVec3]) -> bool {
-    let tiny = 1e-9 * reach(a, b, o);
-    // Both on one side of it.
-    let n = area_vector(o).normalize_or_zero();
-    let heights = a.iter().chain(b).map(|p| (*p - o[0]).dot(n));
-    let (low, high) = heights.fold((0.0f64, 0.0f64), |(low, high), h| (low.min(h), high.max(h)));
-    if low >= -tiny || high <= tiny {
+pub(super) fn crosses(a: &Outline, b: &Outline, o: &Outline) -> bool {
+    // Outside of the box around both.
+    if !(o.min.cmple(a.max.max(b.max)).all() && o.max.cmpge(a.min.min(b.min)).all()) {
         return false;
     }
-    // Outside of the box around both.
-    let bounds = |points: &mut dyn Iterator<Item = &DVec3>| {
-        points.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[l, h], p| [l.min(*p), h.max(*p)])
-    };
-    let ([l, h], [ol, oh]) = (bounds(&mut a.iter().chain(b)), bounds(&mut o.iter()));
-    ol.cmple(h).all() && oh.cmpge(l).all()
+    // Both on one side of it.
+    let tiny = 1e-9 * reach(a, b, o);
+    let (mut low, mut high) = (0.0f64, 0.0f64);
+    for corners in [&a.corners, &b.corners] {
+        for p in corners.iter() {
+            let h = (*p - o.corners[0]).dot(o.normal);
+            (low, high) = (low.min(h), high.max(h));
+        }
+    }
+    low < -tiny && high > tiny
 }
 
 /// How far corners are from each other, about: what rounding is relative to.
-fn reach(a: &[DVec3], b: &[DVec3], o: &[DVec3]) -> f64 {
-    a.iter().chain(b).chain(o).map(|p| (*p - a[0]).abs().max_element()).fold(0.0, f64::max)
+fn reach(a: &Outline, b: &Outline, o: &Outline) -> f64 {
+    let (min, max) = (a.min.min(b.min).min(o.min), a.max.max(b.max).max(o.max));
+    (max - a.corners[0]).abs().max((min - a.corners[0]).abs()).max_element()
 }
 
 /// How much less of `polygon` a point sees for the occluders: a difference of factors from a differential area with unit normal `n`.

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::analytic;
 use super::cull::Blocks;
-use super::occluded::{self, Estimate};
+use super::occluded::{self, Estimate, Outline};
 use super::rule::{self, Node};
 use super::visibility::{self, Visibility};
 use crate::math::lanes::{Cpu, for_each_cpu};
@@ -65,14 +65,16 @@ pub struct Pairs<'a> {
     /// Four and nine points of each element.
     nodes: [Vec<Node>; 2],
     clip: Option<f64>,
-    occluders: Option<Occluders>,
+    occluders: Option<Occluders<'a>>,
     blocks: Option<Blocks>,
 }
 
 /// What may stand between elements.
 #[derive(Debug)]
-struct Occluders {
-    polygons: Vec<Vec<DVec3>>,
+struct Occluders<'a> {
+    polygons: Vec<Outline<'static>>,
+    /// By element.
+    elements: Vec<Outline<'a>>,
     n_patches: usize,
     /// For each pair of patches, the lower first: the polygons that may stand between them. Empty when there are too many pairs.
     between: Vec<Vec<u32>>,
@@ -107,7 +109,7 @@ impl<'a> Pairs<'a> {
         });
         let visibility = Visibility::new(world, mesh, settings.rays);
         let most = if settings.clip.is_some() { MAX_OCCLUDERS } else { FEW_OCCLUDERS };
-        let occluders = if is_opaque(world, mesh) { Occluders::new(mesh.patches(), most) } else { None };
+        let occluders = if is_opaque(world, mesh) { Occluders::new(mesh, most) } else { None };
         Self {
             elements,
             clip: settings.clip,
@@ -142,13 +144,14 @@ impl<'a> Pairs<'a> {
         }
         let (a, b) = (&self.elements[i as usize], &self.elements[j as usize]);
         if let Some(occluders) = &self.occluders {
-            let (ca, cb) = (a.corners(), b.corners());
-            let between: Vec<&[DVec3]> = occluders.of(a.patch, b.patch).filter(|o| occluded::may_block(ca, cb, o)).collect();
+            let [oa, ob] = [i, j].map(|i| &occluders.elements[i as usize]);
+            let is_between = |o: &&Outline| occluded::may_block(oa, ob, o);
+            let between: Vec<&[DVec3]> = occluders.of(a.patch, b.patch).filter(is_between).map(|o| o.corners.as_ref()).collect();
             if between.is_empty() {
                 return Estimate { value: exact, error: 0.0 };
             }
             if let Some(tolerance) = self.clip {
-                return occluded::exchange_past(exact, ca, cb, &between, tolerance, &mut scratch.occluded);
+                return occluded::exchange_past(exact, a.corners(), b.corners(), &between, tolerance, &mut scratch.occluded);
             }
         }
         let [fraction, error] = self.visibility.fraction((i, a), (j, b), &mut scratch.visibility);
@@ -196,9 +199,10 @@ fn is_opaque(world: &World, mesh: &ElementMesh) -> bool {
     meshes_only && !world.has_transparency() && mesh.patches().len() <= MAX_PATCHES
 }
 
-impl Occluders {
+impl<'a> Occluders<'a> {
     /// `None` when there are more than `most`.
-    fn new(patches: &[Patch], most: usize) -> Option<Self> {
+    fn new(mesh: &'a ElementMesh, most: usize) -> Option<Self> {
+        let patches = mesh.patches();
         let corners = || patches.iter().flat_map(Patch::corners);
         // What has everything on one side, as the walls of a convex room have, is in nobody's way.
         let is_outermost = |patch: &&Patch| {
@@ -212,28 +216,29 @@ impl Occluders {
         };
         let polygons: Vec<Vec<DVec3>> =
             patches.par_iter().filter(|patch| !is_outermost(patch)).map(|patch| patch.corners().to_vec()).collect();
-        let polygons = occluded::merge(polygons);
+        let polygons: Vec<Outline> = occluded::merge(polygons).into_iter().map(Outline::new).collect();
         if polygons.len() > most {
             return None;
         }
         let n = patches.len();
         let between = if n <= FEW_PATCHES && polygons.len() > 8 {
+            let outlines: Vec<Outline> = patches.iter().map(|patch| Outline::new(patch.corners())).collect();
             let pair = |k: usize| {
-                let (a, b) = (patches[k / n].corners(), patches[k % n].corners());
-                let crosses = |&o: &u32| occluded::crosses(a, b, &polygons[o as usize]);
+                let crosses = |&o: &u32| occluded::crosses(&outlines[k / n], &outlines[k % n], &polygons[o as usize]);
                 if k / n <= k % n { (0..polygons.len() as u32).filter(crosses).collect() } else { Vec::new() }
             };
             (0..n * n).into_par_iter().map(pair).collect()
         } else {
             Vec::new()
         };
-        Some(Self { polygons, n_patches: n, between })
+        let elements = mesh.elements().iter().map(|e| Outline::new(e.corners())).collect();
+        Some(Self { polygons, elements, n_patches: n, between })
     }
 
-    fn of(&self, a: u32, b: u32) -> impl Iterator<Item = &[DVec3]> {
+    fn of(&self, a: u32, b: u32) -> impl Iterator<Item = &Outline<'static>> {
         let list = self.between.get(a.min(b) as usize * self.n_patches + a.max(b) as usize);
         let all = list.is_none().then_some(0..self.polygons.len() as u32);
-        list.into_iter().flatten().copied().chain(all.into_iter().flatten()).map(|o| self.polygons[o as usize].as_slice())
+        list.into_iter().flatten().copied().chain(all.into_iter().flatten()).map(|o| &self.polygons[o as usize])
     }
 }
 
