@@ -8,7 +8,7 @@ use std::time::Instant;
 use radiosa::export::matrix;
 use radiosa::import::Warning;
 use radiosa::radiosity::between::{Between, Correction};
-use radiosa::radiosity::form_factor::{self as form_factor, Factors, Row, Scratch, area, hemicube, hemisphere, pair};
+use radiosa::radiosity::form_factor::{self as form_factor, Factors, area, hemicube, hemisphere, pair};
 use radiosa::radiosity::mesh::{self, ElementMesh, Sides};
 use radiosa::scene::Geometry;
 use radiosa::transport::World;
@@ -19,6 +19,7 @@ use crate::error::Error;
 use crate::interrupt;
 use crate::render::output::{say_warnings, tell, warnings_json};
 use crate::render::{plan, with_threads};
+use crate::solve::factors_within_memory;
 
 /// Error of an unoccluded factor beside the one that is asked for where shadows fall.
 const UNOCCLUDED: f64 = 1e-2;
@@ -62,7 +63,7 @@ fn factors(args: &Args, json: bool) -> Result<ExitCode, Error> {
     }
     let (group_of, names) = groups(&world, &mesh, args.by);
     let factors = Factors::new(&world, &mesh, &estimator(args), args.seed);
-    within_memory(&factors, args)?;
+    factors_within_memory(&factors, &args.work)?;
     if !args.work.quiet {
         say_warnings(&warnings);
     }
@@ -166,7 +167,7 @@ fn estimator(args: &Args) -> form_factor::Estimator {
 }
 
 /// The group of each element, and what groups are called.
-fn groups(world: &World, mesh: &ElementMesh, by: By) -> (Vec<u32>, Vec<String>) {
+pub(crate) fn groups(world: &World, mesh: &ElementMesh, by: By) -> (Vec<u32>, Vec<String>) {
     let scene = world.scene();
     if by == By::Patch {
         // The sides of a cell belong together, whichever elements they are.
@@ -200,29 +201,4 @@ fn groups(world: &World, mesh: &ElementMesh, by: By) -> (Vec<u32>, Vec<String>) 
         })
         .collect();
     (mesh.elements().iter().map(|e| of_patch[e.patch as usize]).collect(), names)
-}
-
-/// An error when the factors of all elements would take more than is allowed, judged by a few rows.
-fn within_memory(factors: &Factors, args: &Args) -> Result<(), Error> {
-    const ROWS: usize = 8;
-    let n = factors.mesh().elements().len();
-    // All of them would fit.
-    if (n as u64).pow(2) * 24 <= args.work.max_memory || n == 0 {
-        return Ok(());
-    }
-    let (mut row, mut scratch, mut entries) = (Row::new(), Scratch::default(), 0);
-    for k in 0..ROWS {
-        factors.row((n * (2 * k + 1) / (2 * ROWS)) as u32, &mut row, &mut scratch);
-        entries += row.len();
-    }
-    // A factor takes 16 bytes, and half as much again while rows are put together.
-    let needed = (entries as u64 * n as u64 / ROWS as u64) * 24;
-    if needed <= args.work.max_memory {
-        return Ok(());
-    }
-    let mib = |bytes: u64| bytes >> 20;
-    Err(Error::failed(
-        format!("the factors take about {} MiB, more than the {} MiB allowed", mib(needed), mib(args.work.max_memory)),
-        "ask for fewer --elements, or a larger --max-memory",
-    ))
 }

@@ -36,6 +36,7 @@ fn run(args: args::Arguments) -> Result<ExitCode, error::Error> {
     match args.verb {
         Some(args::Verb::Render(render)) => render::run(&render, args.json),
         Some(args::Verb::Sheet(sheet)) => sheet::run(&sheet, args.json),
+        Some(args::Verb::Solve(solve)) => solve::run(&solve, args.json),
         Some(args::Verb::Measure(measure)) => measure::run(&measure, args.json),
         Some(args::Verb::Factors(factors)) => factors::run(&factors, args.json),
         Some(args::Verb::Scenes(scenes)) => scenes::run(scenes, args.json),

@@ -16,8 +16,10 @@ use serde_json::json;
 
 use crate::args::{Measure, MeasureMethod};
 use crate::error::Error;
+use crate::progress::Progress;
 use crate::render::output::{self, tell};
 use crate::render::{plan, with_threads};
+use crate::solve;
 
 /// Endings of tables.
 const ENDINGS: &[&str] = &["csv", "json"];
@@ -34,7 +36,7 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
     let mut warnings = Vec::new();
     let mut scene = plan::load(&args.scene, &args.changes, &args.work, &mut warnings)?;
     if args.method == MeasureMethod::Radiosity {
-        radiosity::tessellate(&mut scene, args.radiosity.sphere_rings);
+        radiosity::tessellate(&mut scene, solve::rings(&args.radiosity, args.solution.as_deref())?);
     }
     let world = plan::prepare(scene, &args.work)?;
     let sensors = sensors(args, &world)?;
@@ -43,7 +45,7 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
         output::say_warnings(&warnings);
     }
     let readings = match args.method {
-        MeasureMethod::Radiosity => by_radiosity(args, &world, &sensors),
+        MeasureMethod::Radiosity => by_radiosity(args, &world, &sensors)?,
         MeasureMethod::Raycast => {
             let direct = measure::Direct::new(&world, args.emitters);
             sensors.par_iter().map(|sensor| direct.at(&world, sensor)).collect()
@@ -131,9 +133,14 @@ fn sensors(args: &Measure, world: &World) -> Result<Vec<Sensor>, Error> {
     }
 }
 
-fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Vec<Reading> {
-    let settings = crate::solve::settings(&args.radiosity, args.seed, &[]);
-    let solution = radiosity::solve(world, &settings);
+fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec<Reading>, Error> {
+    let settings = solve::settings(&args.radiosity, args.seed, &[]);
+    let bar = Progress::new("solve", solve::UNIT, args.work.quiet);
+    let (solution, done) = solve::saved_or_solved(world, &settings, args.solution.as_deref(), &args.work, &bar)?;
+    bar.finish();
+    if done < 1.0 {
+        tell(&format!("warning[unfinished]: {:.1} % of the light is solved for", done * 100.0));
+    }
     let gather = gather::Gather::new(world, &solution, &[], args.seed);
     let sensors = sensors.par_iter().enumerate();
     let at = |scratch: &mut gather::Scratch, (k, sensor): (usize, &Sensor)| {
@@ -141,7 +148,7 @@ fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Vec<Readin
         let arriving = gather.at(&surface, n, k as u64, scratch);
         Reading { irradiance: arriving.irradiance, standard_error: arriving.standard_error }
     };
-    sensors.map_init(gather::Scratch::default, at).collect()
+    Ok(sensors.map_init(gather::Scratch::default, at).collect())
 }
 
 /// The table, in the order of the sensors.

@@ -1,13 +1,29 @@
-//! Radiosity solutions.
+//! The verb `solve`, and what other verbs need of radiosity solutions.
 
-use radiosa::radiosity::{self, mesh, solve};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use radiosa::export::image::Recipe;
+use radiosa::export::{mesh as lit_mesh, solution as file};
+use radiosa::radiosity::form_factor::{Factors, Row, Scratch};
+use radiosa::radiosity::mesh::{self, ElementMesh};
+use radiosa::radiosity::{self, Division, Progress, Settings, Solution, refine, solve};
 use radiosa::scene::Light;
+use radiosa::transport::{Solver as _, Step, World};
+use serde_json::json;
 
-use crate::args::{Order, Radiosity, Solver};
+use crate::args::{Exposure, Order, Radiosity, Solve, Solver, Work, factors::By};
+use crate::error::Error;
+use crate::factors::groups;
+use crate::interrupt;
+use crate::progress;
+use crate::render::output::{self, tell};
+use crate::render::{plan, with_threads};
 
 /// What the options ask for.
-pub(crate) fn settings(options: &Radiosity, seed: u64, extra_lights: &[Light]) -> radiosity::Settings {
-    radiosity::Settings {
+pub(crate) fn settings(options: &Radiosity, seed: u64, extra_lights: &[Light]) -> Settings {
+    Settings {
         mesh: mesh::Settings { elements: options.elements, size: options.element_size, sides: mesh::Sides::Lit },
         solver: match options.solver {
             Solver::Auto => solve::Solver::Auto,
@@ -33,8 +49,305 @@ pub(crate) fn settings(options: &Radiosity, seed: u64, extra_lights: &[Light]) -
             error: options.error,
             ..solve::Stop::default()
         },
+        refine: refine::Settings { levels: options.refine, threshold: options.refine_step, ..refine::Settings::default() },
         extra_lights: extra_lights.to_vec(),
         seed,
-        ..radiosity::Settings::default()
+        ..Settings::default()
     }
+}
+
+/// Rings of spheres: those of a solution that was saved, where there is one.
+///
+/// # Errors
+/// When the solution cannot be read.
+pub(crate) fn rings(options: &Radiosity, solution: Option<&Path>) -> Result<u32, Error> {
+    let Some(path) = solution else { return Ok(options.sphere_rings) };
+    let saved = file::open(path, u64::MAX)?;
+    Ok(saved.recipe().get(SPHERE_RINGS).and_then(|rings| rings.parse().ok()).unwrap_or(options.sphere_rings))
+}
+
+/// A solution that was saved, or a new one.
+///
+/// # Errors
+/// When the file is damaged or of another scene, or solving takes too much memory.
+pub(crate) fn saved_or_solved(
+    world: &World,
+    settings: &Settings,
+    solution: Option<&Path>,
+    work: &Work,
+    bar: &progress::Progress,
+) -> Result<(Solution, f64), Error> {
+    match solution {
+        Some(path) => Ok((file::open(path, work.max_memory)?.into_solution(world)?, 1.0)),
+        None => solved(world, settings, None, work, bar, None).map(|solved| (solved.solution, solved.done)),
+    }
+}
+
+/// What progress is counted in.
+pub(crate) const UNIT: &str = "pairs and rays";
+
+/// The key in recipes of solutions: spheres have to be divided in the same way when they are read.
+const SPHERE_RINGS: &str = "sphere-rings";
+
+/// Where a solve is saved, and how often.
+struct Save<'a> {
+    path: &'a Path,
+    recipe: &'a Recipe,
+    every: Duration,
+}
+
+/// A solution, whole or as far as it came.
+struct Solved {
+    solution: Solution,
+    /// What a solver needs to go on; `None` for a matrix that is not needed any more.
+    progress: Option<Progress>,
+    /// The fraction that is done.
+    done: f64,
+    /// The solver that was taken.
+    solver: &'static str,
+    /// Making the elements took this long, and solving over them.
+    mesh_time: Duration,
+    solve_time: Duration,
+}
+
+/// Solves until it is done, time is up or somebody interrupts; goes on from `state`, when there is one.
+///
+/// # Errors
+/// When it would take too much memory, or cannot be saved.
+fn solved(
+    world: &World,
+    settings: &Settings,
+    state: Option<(Division, Solution, Option<Progress>)>,
+    work: &Work,
+    bar: &progress::Progress,
+    save: Option<&Save>,
+) -> Result<Solved, Error> {
+    let start = Instant::now();
+    let n = ElementMesh::estimate(world, &settings.mesh);
+    plan::within_memory_or(
+        &format!("a mesh of about {n} elements"),
+        n.saturating_mul(file::BYTES_AN_ELEMENT),
+        work,
+        "ask for fewer --elements, a larger --element-size, or a larger --max-memory",
+    )?;
+    let (mut division, mut before) = match state {
+        Some((division, solution, progress)) => (division, Some((solution, progress))),
+        None => (Division::new(world, settings), None),
+    };
+    let mesh_time = start.elapsed();
+    let mut last_save = (Instant::now(), Duration::ZERO);
+    loop {
+        let mut radiosity = match before.take() {
+            Some((solution, progress)) => radiosity::Radiosity::resume(world, &division, settings, solution, progress),
+            None => radiosity::Radiosity::new(world, &division, settings),
+        };
+        if let Some(factors) = radiosity.factors_to_hold() {
+            factors_within_memory(factors, work)?;
+        }
+        let mut ended = None;
+        while let Step::Working { done } = radiosity.step(world) {
+            let last = radiosity.solution().history.records.last();
+            bar.update(done, last.map_or(0, |r| r.n_pairs + r.n_rays));
+            if interrupt::asked() || work.time.is_some_and(|limit| start.elapsed() >= limit) {
+                ended = Some(done);
+                break;
+            }
+            if let Some(save) = save
+                // Saving takes a tenth of the time at most.
+                && last_save.0.elapsed() >= save.every.max(9 * last_save.1)
+            {
+                let began = Instant::now();
+                let state = file::State { solution: radiosity.solution(), progress: Some(radiosity.progress()) };
+                file::write(save.path, save.recipe, world, settings, state)?;
+                last_save = (Instant::now(), began.elapsed());
+            }
+        }
+        let solver = radiosity.progress().name();
+        let (solution, progress) = radiosity.into_parts();
+        let finished = |done, solution, progress| {
+            let solve_time = start.elapsed() - mesh_time;
+            Solved { solution, progress, done, solver, mesh_time, solve_time }
+        };
+        if let Some(done) = ended {
+            return Ok(finished(done, solution, Some(progress)));
+        }
+        match refine::next(world, &solution, settings) {
+            Some(mesh) => division = Division::of(mesh, &settings.solver),
+            None => {
+                let needed = !matches!(progress, Progress::Factors(..) | Progress::Gathering(..));
+                return Ok(finished(1.0, solution, Some(progress).filter(|_| needed)));
+            }
+        }
+    }
+}
+
+/// An error when the factors of all elements would take more than is allowed, judged by a few rows.
+pub(crate) fn factors_within_memory(factors: &Factors, work: &Work) -> Result<(), Error> {
+    const ROWS: usize = 8;
+    /// A factor takes 16 bytes, and half as much again while rows are put together.
+    const BYTES: u64 = 24;
+    let n = factors.mesh().elements().len();
+    if (n as u64).pow(2) * BYTES <= work.max_memory || n == 0 {
+        return Ok(());
+    }
+    let (mut row, mut scratch, mut entries) = (Row::new(), Scratch::default(), 0);
+    for k in 0..ROWS {
+        factors.row((n * (2 * k + 1) / (2 * ROWS)) as u32, &mut row, &mut scratch);
+        entries += row.len();
+    }
+    let needed = (entries as u64 * n as u64 / ROWS as u64) * BYTES;
+    plan::within_memory_or(
+        "the form factors",
+        needed,
+        work,
+        "ask for fewer --elements, another --solver, or a larger --max-memory",
+    )
+}
+
+pub(crate) fn run(args: &Solve, json: bool) -> Result<ExitCode, Error> {
+    with_threads(&args.work, || run_solve(args, json))
+}
+
+fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
+    let start = Instant::now();
+    let work = &args.work;
+    args.output.as_deref().map_or(Ok(()), file::check_target)?;
+    args.export.iter().try_for_each(|path| lit_mesh::check_target(path).map(drop))?;
+    let mut warnings = Vec::new();
+    let mut scene = plan::load(&args.scene, &args.changes, work, &mut warnings)?;
+    let output = args.output.clone().unwrap_or_else(|| output::default_output(&scene).with_extension("radiosa"));
+    file::check_target(&output)?;
+    radiosity::tessellate(&mut scene, args.radiosity.sphere_rings);
+    let load_time = start.elapsed();
+    let world = plan::prepare(scene, work)?;
+    let build_time = start.elapsed() - load_time;
+    if !work.quiet {
+        output::say_warnings(&warnings);
+    }
+    let settings = settings(&args.radiosity, args.seed, &[]);
+    let recipe = Recipe::new()
+        .with("version", env!("CARGO_PKG_VERSION"))
+        .with("command", output::command_line())
+        .with("scene", &args.scene)
+        .with(SPHERE_RINGS, args.radiosity.sphere_rings.to_string())
+        .with("quantity", output::quantity_name(world.scene().quantity))
+        .with("cpu-path", world.cpu_path().to_string());
+    let state = if args.resume && output.exists() {
+        Some(file::open(&output, work.max_memory)?.to_resume(&world, &settings)?)
+    } else {
+        None
+    };
+    let resumed = state.as_ref().map(|(_, solution, _)| solution.history.records.len());
+    let save = Save { path: &output, recipe: &recipe, every: args.save_every };
+    let bar = progress::Progress::new("solve", UNIT, work.quiet);
+    let solved = solved(&world, &settings, state, work, &bar, Some(&save))?;
+    bar.finish();
+    let began = Instant::now();
+    let written = file::State { solution: &solved.solution, progress: solved.progress.as_ref() };
+    file::write(&output, &recipe, &world, &settings, written)?;
+    let exposure = match args.exposure {
+        Exposure::Auto => None,
+        Exposure::Factor(f) => Some(f),
+    };
+    for path in &args.export {
+        lit_mesh::write(&lit_mesh::LitMesh::new(&world, &solved.solution, exposure), path)?;
+    }
+    let outputs: Vec<&PathBuf> = std::iter::once(&output).chain(&args.export).collect();
+
+    let solution = &solved.solution;
+    let balance = &solution.balance;
+    let last = solution.history.records.last();
+    if !work.quiet {
+        let (unit, sum) = (power_unit(&world), |v: [f64; 3]| v.map(|v| format!("{v:.6}")).join(" "));
+        let mut lines = vec![
+            format!("surfaces    {} elements of {} patches", solution.mesh.elements().len(), solution.mesh.patches().len()),
+            format!("solver      {}, {} steps", solved.solver, solution.history.records.len()),
+        ];
+        if let Some(steps) = resumed {
+            lines.push(format!("resumed     after {steps} steps"));
+        }
+        if let Some(last) = last {
+            lines.push(match last.error {
+                Some(error) => format!("error       {error:.2e} (relative standard error of irradiances)"),
+                None => format!("residual    {:.2e}", last.residual),
+            });
+        }
+        lines.extend([
+            format!("emitted     {} {unit}", sum(balance.emitted)),
+            format!("absorbed    {}", sum(balance.absorbed)),
+            format!("escaped     {}", sum(balance.escaped)),
+            format!("unshot      {}", sum(balance.unshot)),
+        ]);
+        if solved.done < 1.0 {
+            let done = solved.done * 100.0;
+            lines.push(format!("unfinished  {done:.1} % is done; run it again with --resume to go on"));
+        }
+        let times = [load_time, build_time, solved.mesh_time, solved.solve_time, began.elapsed()].map(|t| t.as_secs_f64());
+        let [load, build, mesh, solve, write] = times;
+        lines.push(format!(
+            "time        load {load:.2} s, build {build:.2} s, mesh {mesh:.2} s, solve {solve:.2} s, write {write:.2} s"
+        ));
+        lines.extend(outputs.iter().map(|o| format!("wrote       {}", o.display())));
+        tell(&lines.join("\n"));
+    }
+    if json {
+        let report = json!({
+            "scene": world.scene().name,
+            "solver": solved.solver,
+            "quantity": output::quantity_name(world.scene().quantity),
+            "elements": solution.mesh.elements().len(),
+            "patches": solution.mesh.patches().len(),
+            "links": solution.n_factors,
+            "steps": solution.history.records.len(),
+            "residual": last.map(|r| r.residual),
+            "error": last.and_then(|r| r.error),
+            "pairs": last.map(|r| r.n_pairs),
+            "rays": last.map(|r| r.n_rays),
+            "balance": {
+                "emitted": balance.emitted, "absorbed": balance.absorbed, "escaped": balance.escaped, "unshot": balance.unshot,
+                "error": balance.error(),
+            },
+            "surfaces": surfaces(&world, solution),
+            "seconds": {
+                "load": load_time.as_secs_f64(), "build": build_time.as_secs_f64(), "mesh": solved.mesh_time.as_secs_f64(),
+                "solve": solved.solve_time.as_secs_f64(), "write": began.elapsed().as_secs_f64(), "total": start.elapsed().as_secs_f64(),
+            },
+            "resumed_after": resumed,
+            "done": solved.done,
+            "warnings": output::warnings_json(&warnings),
+            "outputs": outputs,
+        });
+        crate::version::say(&report.to_string());
+    }
+    Ok(if interrupt::asked() { ExitCode::from(130) } else { ExitCode::SUCCESS })
+}
+
+fn power_unit(world: &World) -> &'static str {
+    match world.scene().quantity {
+        radiosa::scene::Quantity::Radiometric => "W",
+        radiosa::scene::Quantity::Photometric => "lm",
+    }
+}
+
+/// By named surface: its area that light can reach, and means over it.
+fn surfaces(world: &World, solution: &Solution) -> Vec<serde_json::Value> {
+    let (group_of, names) = groups(world, &solution.mesh, By::Object);
+    let mut sums = vec![(0.0, [0.0; 3], [0.0; 3]); names.len()];
+    for (i, &group) in group_of.iter().enumerate() {
+        let (area, h, b) = &mut sums[group as usize];
+        let a = solution.system.area[i];
+        *area += a;
+        for c in 0..3 {
+            h[c] += a * solution.irradiance[i][c];
+            b[c] += a * solution.radiosity[i][c];
+        }
+    }
+    names
+        .iter()
+        .zip(sums)
+        .map(|(name, (area, h, b))| {
+            let mean = |sum: [f64; 3]| sum.map(|s| if area > 0.0 { s / area } else { 0.0 });
+            json!({ "name": name, "area": area, "irradiance": mean(h), "radiosity": mean(b) })
+        })
+        .collect()
 }

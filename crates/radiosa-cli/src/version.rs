@@ -26,9 +26,14 @@ pub(crate) fn say(text: &str) {
     let _ = writeln!(std::io::stdout(), "{text}");
 }
 
-/// Prints the recipe inside a picture.
+/// Prints the recipe inside a picture or a solution.
 pub(crate) fn info(info: &Info, json: bool) -> Result<ExitCode, Error> {
-    let recipe = radiosa::export::image::read_recipe(&info.file)?;
+    let is_solution = info.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("radiosa"));
+    let recipe = if is_solution {
+        radiosa::export::solution::open(&info.file, u64::MAX)?.recipe().clone()
+    } else {
+        radiosa::export::image::read_recipe(&info.file)?
+    };
     if json {
         let map: serde_json::Map<_, _> = recipe.entries().iter().map(|(k, v)| (k.clone(), v.as_str().into())).collect();
         say(&serde_json::Value::Object(map).to_string());

@@ -51,6 +51,10 @@ pub(crate) struct Measure {
     #[command(flatten)]
     pub(crate) radiosity: Radiosity,
 
+    /// Measure in this solution, made by `solve` of the same scene
+    #[arg(long, value_name = "FILE", help_heading = "Radiosity")]
+    pub(crate) solution: Option<PathBuf>,
+
     #[command(flatten)]
     pub(crate) work: Work,
 }

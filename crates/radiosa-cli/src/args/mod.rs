@@ -5,6 +5,7 @@ mod measure;
 mod picture;
 mod radiosity;
 mod sheet;
+mod solve;
 mod value;
 
 pub(crate) use measure::{Measure, MeasureMethod};
@@ -13,6 +14,7 @@ pub(crate) use picture::{
 };
 pub(crate) use radiosity::{Order, Radiosity, Solver, Spread};
 pub(crate) use sheet::Sheet;
+pub(crate) use solve::Solve;
 pub(crate) use value::{Emitters, Exposure, Size, parse_color};
 
 use std::path::PathBuf;
@@ -56,19 +58,21 @@ pub(crate) enum Verb {
     Render(Box<Render>),
     /// Make a labelled sheet of pictures over any two parameters, or a built-in figure
     Sheet(Box<Sheet>),
+    /// Solve for the light between diffuse surfaces: a solution for any camera, to look at, measure and export
+    Solve(Box<Solve>),
     /// Measure irradiance or illuminance at points or on a grid
     Measure(Box<Measure>),
     /// Form factors (view factors) between named surfaces, materials or all faces of a scene
     Factors(Box<factors::Factors>),
     /// List the built-in scenes, or write one as files
     Scenes(Scenes),
-    /// Show the recipe inside a picture: how it was made
+    /// Show the recipe inside a picture or a solution: how it was made
     Info(Info),
 }
 
 #[derive(Args, Debug)]
 pub(crate) struct Info {
-    /// A picture made by radiosa (.png, .exr, .hdr)
+    /// A file made by radiosa (.png, .exr, .hdr, .radiosa)
     pub(crate) file: PathBuf,
 }
 

@@ -1,5 +1,7 @@
 //! What a picture is to look like: the options `render` and `sheet` share, and that a sheet may vary from cell to cell.
 
+use std::path::PathBuf;
+
 use clap::{Args, ValueEnum};
 use radiosa::import::Override;
 
@@ -104,6 +106,10 @@ pub(crate) struct Picture {
 
     #[command(flatten)]
     pub(crate) radiosity: Radiosity,
+
+    /// Show this solution, made by `solve` of the same scene
+    #[arg(long, value_name = "FILE", help_heading = "Radiosity")]
+    pub(crate) solution: Option<PathBuf>,
 }
 
 /// What is changed in a scene, whatever is then done with it.

@@ -16,6 +16,7 @@ use crate::args::{self, Method, OnOff, Picture, Work};
 use crate::error::Error;
 use crate::interrupt;
 use crate::progress::Progress;
+use crate::solve;
 
 /// The method taken, and why where it was not asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,14 +27,21 @@ pub(crate) struct Choice {
 }
 
 /// Decides about `auto`.
-pub(crate) fn choose(asked: Method, world: &World) -> Choice {
-    match asked {
+pub(crate) fn choose(picture: &Picture, world: &World) -> Result<Choice, Error> {
+    if picture.solution.is_some() {
+        return match picture.method {
+            Method::Auto => Ok(Choice { method: Method::Radiosity, why: Some("there is a solution") }),
+            Method::Radiosity => Ok(Choice { method: Method::Radiosity, why: None }),
+            _ => Err(Error::Misuse("error: --solution goes with --method radiosity\n".into())),
+        };
+    }
+    Ok(match picture.method {
         Method::Auto if world.scene().materials.iter().any(reflects_or_refracts) => {
             Choice { method: Method::Whitted, why: Some("the scene has mirrors or glass") }
         }
         Method::Auto => Choice { method: Method::Raycast, why: Some("the scene has neither mirrors nor glass") },
         method => Choice { method, why: None },
-    }
+    })
 }
 
 /// True for mirrors, glass, and metals that are nearly mirrors.
@@ -170,14 +178,16 @@ pub(crate) fn draw(
         }
         Method::Radiosity => {
             let settings = crate::solve::settings(&picture.radiosity, picture.seed, &lighting.extra_lights);
-            let solution = radiosity::solve(world, &settings);
+            let (solution, solved) =
+                solve::saved_or_solved(world, &settings, picture.solution.as_deref(), &watch.work, &watch.progress)?;
             let spread = match picture.radiosity.spread {
                 args::Spread::Flat => radiosity::display::Interpolation::Flat,
                 args::Spread::Gouraud => radiosity::display::Interpolation::Gouraud,
             };
             let display = Display::new(world, &solution, spread, footprint(stage, picture))
                 .with_backdrop(default_light::has_backdrop(world, &lighting.extra_lights));
-            trace(&display, stage, picture, lighting, sampling, watch)
+            let drawing = trace(&display, stage, picture, lighting, sampling, watch)?;
+            Ok(Drawing { done: drawing.done.min(solved), ..drawing })
         }
         Method::Scanline => {
             let settings = scanline::Settings {
@@ -245,21 +255,21 @@ fn white(stage: &Stage, picture: &Picture, lighting: &Lighting) -> Result<f32, E
 /// Who waits for a picture: shows how far it is, and ends it early.
 pub(crate) struct Watch {
     start: Instant,
-    limit: Option<Duration>,
+    work: Work,
     progress: Progress,
 }
 
 impl Watch {
     /// Starts the clock.
     pub(crate) fn new(what: &str, choice: Choice, work: &Work) -> Self {
-        Self { start: Instant::now(), limit: work.time, progress: Progress::new(what, choice.unit(), work.quiet) }
+        Self { start: Instant::now(), work: work.clone(), progress: Progress::new(what, choice.unit(), work.quiet) }
     }
 
     /// Runs to the end or until it is to stop; the fraction done.
     fn run<S: Solver<Solution = Film>>(&self, solver: &mut S, world: &World, count: impl Fn(&S) -> u64) -> f64 {
         while let Step::Working { done } = solver.step(world) {
             self.progress.update(done, count(solver));
-            if interrupt::asked() || self.limit.is_some_and(|limit| self.start.elapsed() >= limit) {
+            if interrupt::asked() || self.work.time.is_some_and(|limit| self.start.elapsed() >= limit) {
                 return done;
             }
         }

@@ -58,7 +58,7 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
     let what = format!("a picture of {}x{} with its scene", stage.size.width, stage.size.height);
     plan::within_memory(&what, stage.memory_with(&layers), work)?;
 
-    let choice = method::choose(picture.method, &stage.world);
+    let choice = method::choose(picture, &stage.world)?;
     let lighting = method::light(&stage, picture, choice);
     warnings.extend(lighting.warnings.iter().map(|(name, message)| Warning {
         name,

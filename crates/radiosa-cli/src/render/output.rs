@@ -40,14 +40,15 @@ pub(crate) fn quantity_name(quantity: Quantity) -> &'static str {
     }
 }
 
-/// The command line as one would type it again, without the number of threads: it changes nothing, so the files are the same.
+/// The command line as one would type it again, without the number of threads and whether it goes on from before: they change nothing, so the files are
+/// the same.
 pub(crate) fn command_line() -> String {
     let mut words = std::env::args().skip(1);
     let mut command = Vec::new();
     while let Some(word) = words.next() {
         if word == "--threads" {
             words.next();
-        } else if !word.starts_with("--threads=") {
+        } else if !word.starts_with("--threads=") && word != "--resume" {
             command.push(shell_word(&word));
         }
     }

@@ -12,6 +12,7 @@ use radiosa::transport::{View, World, framing};
 
 use crate::args::{self, Method, OnOff, Picture, SceneChanges, Size, TextureFilter, Work};
 use crate::error::Error;
+use crate::solve;
 
 /// A scene ready to be drawn, from one camera at one size.
 pub(crate) struct Stage {
@@ -32,8 +33,8 @@ impl Stage {
     /// When it takes too much memory, is wrong, or has no such camera.
     pub(crate) fn new(mut scene: Scene, picture: &Picture, work: &Work) -> Result<Self, Error> {
         let cpu_path = cpu_path(work.cpu_path)?;
-        if picture.method == Method::Radiosity {
-            radiosa::radiosity::tessellate(&mut scene, picture.radiosity.sphere_rings);
+        if picture.method == Method::Radiosity || picture.solution.is_some() {
+            radiosa::radiosity::tessellate(&mut scene, solve::rings(&picture.radiosity, picture.solution.as_deref())?);
         }
         let memory = scene_memory(&scene);
         within_memory("the scene", memory, work)?;
@@ -68,13 +69,18 @@ fn scene_memory(scene: &Scene) -> u64 {
 
 /// An error when something of a known size is more than what is allowed.
 pub(crate) fn within_memory(what: &str, needed: u64, work: &Work) -> Result<(), Error> {
+    within_memory_or(what, needed, work, "ask for a smaller --size, fewer --layers, or a larger --max-memory")
+}
+
+/// The same with other advice.
+pub(crate) fn within_memory_or(what: &str, needed: u64, work: &Work, advice: &str) -> Result<(), Error> {
     if needed <= work.max_memory {
         return Ok(());
     }
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
     Err(Error::failed(
         format!("{what} takes about {} MiB, more than the {} MiB allowed", mib(needed), mib(work.max_memory)),
-        "ask for a smaller --size, fewer --layers, or a larger --max-memory",
+        advice,
     ))
 }
 

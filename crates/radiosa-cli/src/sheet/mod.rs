@@ -248,7 +248,7 @@ fn draw_all(cells: &[Cell], work: &Work, warnings: &mut Vec<Warning>) -> Result<
         let picture: &Picture = &cells[i].picture;
         let stage = stage(&cells[i], work, warnings)?;
         plan::within_memory("a cell with its scene", stage.memory_with(&layers), work)?;
-        let choice = method::choose(picture.method, &stage.world);
+        let choice = method::choose(picture, &stage.world)?;
         let lighting = method::light(&stage, picture, choice);
         warnings.extend(lighting.warnings.iter().map(|(name, message)| Warning {
             name,

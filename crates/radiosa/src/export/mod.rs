@@ -5,6 +5,8 @@
 
 pub mod image;
 pub mod matrix;
+pub mod mesh;
+pub mod solution;
 mod target;
 
 pub use target::{ExportError, check_writable, write_atomically};

@@ -36,6 +36,14 @@ pub enum ExportError {
         /// Why.
         source: io::Error,
     },
+    /// A file of ours cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
     /// The file cannot be read back.
     #[error("cannot read {}: {message}", path.display())]
     Unreadable {
@@ -53,6 +61,7 @@ impl ExportError {
             Self::UnknownEnding { .. } => "rename the output",
             Self::Folder { .. } => "make the folder first, or choose another one",
             Self::Io { .. } => "look whether the disk is full",
+            Self::Read { .. } => "look whether it exists and may be read",
             Self::Unreadable { .. } => "",
         }
     }

@@ -119,8 +119,12 @@ fn largest(film: &Film, f: impl Fn(Spectrum) -> f32) -> f32 {
 /// therefore do not matter. 1 for a picture without light.
 pub fn automatic_exposure(film: &Film) -> f32 {
     let Some(color) = film.triple(Layer::Color) else { return 1.0 };
-    let mut luminances: Vec<f32> =
-        (0..film.n_pixels()).map(|i| color.at(i).luminance()).filter(|y| *y > 0.0 && y.is_finite()).collect();
+    automatic_exposure_of((0..film.n_pixels()).map(|i| color.at(i).luminance()).collect())
+}
+
+/// The same of luminances that are no picture's.
+pub fn automatic_exposure_of(mut luminances: Vec<f32>) -> f32 {
+    luminances.retain(|y| *y > 0.0 && y.is_finite());
     let n = luminances.len();
     if n == 0 {
         return 1.0;

@@ -84,8 +84,8 @@ fn spectrum(v: [f64; 3]) -> Spectrum {
     v.map(|x| x as f32).into()
 }
 
-/// A value at the corners of every element from one value each.
-pub(super) fn corner_values(world: &World, mesh: &ElementMesh, values: &[[f64; 3]]) -> Vec<[Spectrum; 4]> {
+/// A value at the corners of every element, in their order, from one value each (of triangles the last is there twice).
+pub fn corner_values(world: &World, mesh: &ElementMesh, values: &[[f64; 3]]) -> Vec<[Spectrum; 4]> {
     let mut corners = vec![[Spectrum::BLACK; 4]; values.len()];
     for (patch_index, (patch, grid)) in mesh.patches().iter().zip(mesh.grids()).enumerate() {
         for side in [Side::Front, Side::Back] {

@@ -1,7 +1,10 @@
 //! The matrix of form factors, by rows and sparse.
 
+use std::io;
+
 use super::form_factor::Row;
 use super::mesh::ElementMesh;
+use super::stream::{In, Out, wrong};
 
 /// Form factors above zero, by rows.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -30,6 +33,20 @@ impl Matrix {
         Self { starts, entries }
     }
 
+    pub(super) fn store(&self, out: &mut Out) -> io::Result<()> {
+        (0..self.n()).try_for_each(|i| store_entries(&self.entries[self.starts[i]..self.starts[i + 1]], out))
+    }
+
+    /// The inverse of [`Self::store`], for `n` elements.
+    pub(super) fn restore(n: usize, from: &mut In) -> io::Result<Self> {
+        let mut matrix = Self { starts: vec![0], ..Self::default() };
+        for _ in 0..n {
+            matrix.entries.extend(restore_entries::<f32>(n, from)?);
+            matrix.starts.push(matrix.entries.len());
+        }
+        Ok(matrix)
+    }
+
     /// Rows.
     pub fn n(&self) -> usize {
         self.starts.len().saturating_sub(1)
@@ -49,6 +66,23 @@ impl Matrix {
     pub fn row_sum(&self, i: usize) -> f64 {
         self.row(i).map(|(_, f)| f).sum()
     }
+}
+
+/// Columns and values of a row, one array each.
+pub(super) fn store_entries<T: bytemuck::NoUninit>(entries: &[(u32, T)], out: &mut Out) -> io::Result<()> {
+    let (columns, values): (Vec<u32>, Vec<T>) = entries.iter().copied().unzip();
+    out.array(&columns)?;
+    out.array(&values)
+}
+
+/// The inverse of [`store_entries`], with columns below `n`.
+pub(super) fn restore_entries<T: bytemuck::Pod>(n: usize, from: &mut In) -> io::Result<Vec<(u32, T)>> {
+    let columns = from.any_array::<u32>()?;
+    let values = from.array::<T>(columns.len())?;
+    if columns.iter().any(|&j| j as usize >= n) {
+        return Err(wrong("a form factor is of an element that does not exist"));
+    }
+    Ok(columns.into_iter().zip(values).collect())
 }
 
 /// Sparse rows from those above the diagonal, each of whose entries stands for its mirror image too: where rows start, and `entry(i, j, …)` of both,

@@ -181,8 +181,20 @@ pub struct ElementMesh {
     /// By patch; none where every cell is whole.
     splits: Vec<Option<Splits>>,
     elements: Vec<Element>,
-    /// Elements know which of their points light can reach.
-    knows_exposed: bool,
+    record: Record,
+}
+
+/// How a mesh came to be: with the same surfaces it can be made again without a ray ([`ElementMesh::again`]).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Record {
+    /// How surfaces were divided.
+    pub settings: Settings,
+    /// By patch: its sides that take part.
+    pub kept: Vec<[bool; 2]>,
+    /// Elements divided again, by refinement and by element of the mesh before it.
+    pub refined: Vec<Vec<bool>>,
+    /// By element: its points that light can reach; empty when that is not known.
+    pub exposed: Vec<u64>,
 }
 
 impl ElementMesh {
@@ -194,19 +206,60 @@ impl ElementMesh {
             Sides::Both => vec![[true; 2]; patches.patches.len()],
             Sides::Front => vec![[true, false]; patches.patches.len()],
         };
-        let size = settings.size.unwrap_or_else(|| size_for(&patches.patches, &kept, settings.elements));
-        let grids = patches.patches.iter().map(|patch| (cells(patch, size), None));
-        let grids = grids.collect();
-        let mut mesh = Self::build(patches, &kept, grids);
+        let mut mesh = Self::whole(patches, settings, kept);
         if settings.sides == Sides::Lit {
-            mesh.expose(world, direct);
+            mesh.set_exposed(exposure::exposed(world, &mesh, direct));
         }
         mesh
     }
 
+    /// The cells of the kept sides of patches, none divided again.
+    fn whole(patches: Patches, settings: &Settings, kept: Vec<[bool; 2]>) -> Self {
+        let size = settings.size.unwrap_or_else(|| size_for(&patches.patches, &kept, settings.elements));
+        let grids = patches.patches.iter().map(|patch| (cells(patch, size), None)).collect();
+        let record = Record { settings: settings.clone(), kept, refined: Vec::new(), exposed: Vec::new() };
+        Self::build(patches, grids, record)
+    }
+
+    /// How it came to be.
+    pub fn record(&self) -> &Record {
+        &self.record
+    }
+
+    /// A mesh made as `record` says; `None` when that was of other surfaces, or by another way of dividing them.
+    pub fn again(world: &World, record: &Record) -> Option<Self> {
+        let patches = Patches::new(world);
+        if record.kept.len() != patches.patches.len() {
+            return None;
+        }
+        let mut mesh = Self::whole(patches, &record.settings, record.kept.clone());
+        for marked in &record.refined {
+            if marked.len() != mesh.elements.len() {
+                return None;
+            }
+            mesh = mesh.divided(marked);
+        }
+        if !record.exposed.is_empty() {
+            if record.exposed.len() != mesh.elements.len() {
+                return None;
+            }
+            mesh.set_exposed(record.exposed.clone());
+        }
+        Some(mesh)
+    }
+
+    /// About how many elements there will be at most, both sides of everything counted.
+    pub fn estimate(world: &World, settings: &Settings) -> u64 {
+        let patches = Patches::new(world).patches;
+        let n = 2 * patches.len() as u64;
+        let Some(size) = settings.size else { return n + u64::from(settings.elements) };
+        patches.iter().map(|patch| cells(patch, size).iter().map(|&n| u64::from(n)).product::<u64>() * 2).sum::<u64>()
+    }
+
     /// Elements over given grids.
-    fn build(patches: Patches, kept: &[[bool; 2]], grids: Vec<([u32; 2], Option<Splits>)>) -> Self {
-        let mut mesh = Self { grids: Vec::new(), splits: Vec::new(), patches, elements: Vec::new(), knows_exposed: false };
+    fn build(patches: Patches, grids: Vec<([u32; 2], Option<Splits>)>, record: Record) -> Self {
+        let kept = record.kept.clone();
+        let mut mesh = Self { grids: Vec::new(), splits: Vec::new(), patches, elements: Vec::new(), record };
         for (p, (n, splits)) in grids.into_iter().enumerate() {
             let patch = mesh.patches.patches[p];
             let mut grid = Grid { n, first: [None; 2] };
@@ -226,18 +279,26 @@ impl ElementMesh {
         mesh
     }
 
-    /// Finds out which points of elements light can reach.
-    fn expose(&mut self, world: &World, direct: &DirectLight) {
-        for (element, bits) in exposure::exposed(world, self, direct).into_iter().enumerate() {
-            let element = &mut self.elements[element];
-            element.exposed = bits;
+    /// Which points of elements light can reach.
+    fn set_exposed(&mut self, exposed: Vec<u64>) {
+        for (element, bits) in self.elements.iter_mut().zip(&exposed) {
+            element.exposed = *bits;
             element.area = element.whole_area * f64::from(bits.count_ones()) / POINTS as f64;
         }
-        self.knows_exposed = true;
+        self.record.exposed = exposed;
     }
 
     /// The same mesh with the cells of some elements, marked by index, divided twice as finely along each edge.
     pub fn refined(&self, world: &World, direct: &DirectLight, marked: &[bool]) -> Self {
+        let mut mesh = self.divided(marked);
+        if !self.record.exposed.is_empty() {
+            mesh.set_exposed(exposure::exposed(world, &mesh, direct));
+        }
+        mesh
+    }
+
+    /// The same without knowing what light can reach.
+    fn divided(&self, marked: &[bool]) -> Self {
         let mut k: Vec<Option<Vec<u32>>> = self.splits.iter().map(|s| s.as_ref().map(|s| s.k.clone())).collect();
         let mut is_new: Vec<Vec<bool>> = vec![Vec::new(); self.grids.len()];
         for element in self.elements.iter().zip(marked).filter(|(_, marked)| **marked).map(|(e, _)| e) {
@@ -250,13 +311,10 @@ impl ElementMesh {
                 *k = (2 * *k).min(MAX_PARTS);
             }
         }
-        let kept: Vec<_> = self.grids.iter().map(|g| g.first.map(|f| f.is_some())).collect();
         let grids = self.grids.iter().zip(k).map(|(g, k)| (g.n, k.map(Splits::new))).collect();
-        let mut mesh = Self::build(self.patches.clone(), &kept, grids);
-        if self.knows_exposed {
-            mesh.expose(world, direct);
-        }
-        mesh
+        let Record { settings, kept, mut refined, .. } = self.record.clone();
+        refined.push(marked.to_vec());
+        Self::build(self.patches.clone(), grids, Record { settings, kept, refined, exposed: Vec::new() })
     }
 
     /// In the order of patches; of one patch the front before the back.

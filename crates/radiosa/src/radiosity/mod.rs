@@ -27,6 +27,8 @@ pub mod refine;
 mod sides;
 pub mod solution;
 pub mod solve;
+mod store;
+pub mod stream;
 pub mod system;
 mod tessellate;
 

@@ -6,6 +6,7 @@ use super::direct::DirectLight;
 use super::form_factor::{Estimator, Factors, Row};
 use super::matrix::Matrix;
 use super::mesh::{self, Blocks, ElementMesh};
+use super::refine;
 use super::solve::gathering::{self, Sweep};
 use super::solve::shooting::Shooting;
 use super::solve::stochastic::Stochastic;
@@ -26,6 +27,8 @@ pub struct Settings {
     pub solver: Method,
     /// When it is solved.
     pub stop: Stop,
+    /// How elements are divided again.
+    pub refine: refine::Settings,
     /// Lights beside the scene's own.
     pub extra_lights: Vec<Light>,
     /// Of every random stream.
@@ -87,12 +90,18 @@ pub fn system(world: &World, mesh: &ElementMesh, direct: &DirectLight) -> System
     system
 }
 
-/// Solves a world at once.
+/// Solves a world at once; of refined meshes the last one.
 pub fn solve(world: &World, settings: &Settings) -> Solution {
-    let division = Division::new(world, settings);
-    let mut radiosity = Radiosity::new(world, &division, settings);
-    while let Step::Working { .. } = radiosity.step(world) {}
-    radiosity.into_solution()
+    let mut division = Division::new(world, settings);
+    loop {
+        let mut radiosity = Radiosity::new(world, &division, settings);
+        while let Step::Working { .. } = radiosity.step(world) {}
+        let solution = radiosity.into_solution();
+        match refine::next(world, &solution, settings) {
+            Some(mesh) => division = Division::of(mesh, &settings.solver),
+            None => return solution,
+        }
+    }
 }
 
 /// The elements of a world, and the blocks of them that shoot.
@@ -156,6 +165,21 @@ pub enum Progress {
     Stochastic(Stochastic),
 }
 
+impl Progress {
+    /// Nothing is known yet.
+    pub(super) fn new(division: &Division, settings: &Settings, system: &System) -> Self {
+        match settings.solver.for_elements(system.n()) {
+            Method::Jacobi => Self::Factors(Vec::new(), Sweep::Jacobi),
+            Method::Auto | Method::GaussSeidel => Self::Factors(Vec::new(), Sweep::GaussSeidel),
+            Method::Shooting(settings) => {
+                let blocks = division.with_blocks.as_ref().map(|(_, blocks)| blocks.clone());
+                Self::Shooting(Shooting::new(settings, blocks.unwrap_or_else(|| Blocks::single(system.n()))))
+            }
+            Method::Stochastic(of) => Self::Stochastic(Stochastic::new(system, of, settings.seed)),
+        }
+    }
+}
+
 impl<'a> Radiosity<'a> {
     /// Nothing is solved yet: what surfaces are and what other lights bring them.
     pub fn new(world: &'a World, division: &'a Division, settings: &Settings) -> Self {
@@ -166,16 +190,8 @@ impl<'a> Radiosity<'a> {
     /// With reflectances and emissions other than the world's, over the elements of `division`.
     pub fn with_system(world: &'a World, division: &'a Division, system: System, settings: &Settings) -> Self {
         let n = system.n();
-        let (mesh, blocks) = match &division.with_blocks {
-            Some((mesh, blocks)) => (mesh, blocks.clone()),
-            None => (&division.mesh, Blocks::single(n)),
-        };
-        let progress = match settings.solver.for_elements(n) {
-            Method::Jacobi => Progress::Factors(Vec::new(), Sweep::Jacobi),
-            Method::Auto | Method::GaussSeidel => Progress::Factors(Vec::new(), Sweep::GaussSeidel),
-            Method::Shooting(settings) => Progress::Shooting(Shooting::new(settings, blocks)),
-            Method::Stochastic(of) => Progress::Stochastic(Stochastic::new(&system, of, settings.seed)),
-        };
+        let mesh = division.with_blocks.as_ref().map_or(&division.mesh, |(mesh, _)| mesh);
+        let progress = Progress::new(division, settings, &system);
         let has_factors = !matches!(progress, Progress::Stochastic(_));
         let mut solution = Solution {
             mesh: division.mesh.clone(),
@@ -203,10 +219,18 @@ impl<'a> Radiosity<'a> {
         }
     }
 
-    /// Goes on where another one was left, of the same world, division and settings, to the same result bit for bit.
-    pub fn resume(world: &'a World, division: &'a Division, settings: &Settings, solution: Solution, progress: Progress) -> Self {
+    /// Goes on where another one was left, of the same world, division and settings, to the same result bit for bit. Without its progress: from the light it
+    /// had found, with a new matrix.
+    pub fn resume(
+        world: &'a World,
+        division: &'a Division,
+        settings: &Settings,
+        solution: Solution,
+        progress: Option<Progress>,
+    ) -> Self {
         let mut radiosity = Self::with_system(world, division, solution.system.clone(), settings);
         let n = solution.system.n();
+        let progress = progress.unwrap_or_else(|| Progress::new(division, settings, &solution.system));
         if let Progress::Factors(parts, _) = &progress {
             radiosity.n_pairs = (0..parts.len()).map(|i| (n - 1 - i) as u64).sum();
         }
@@ -220,6 +244,11 @@ impl<'a> Radiosity<'a> {
         radiosity
     }
 
+    /// Factors are being found for a matrix, all of which has to be held.
+    pub fn factors_to_hold(&self) -> Option<&Factors<'a>> {
+        self.factors.as_ref().filter(|_| matches!(self.progress, Progress::Factors(..)))
+    }
+
     /// What [`Self::resume`] wants beside the solution.
     pub fn progress(&self) -> &Progress {
         &self.progress
@@ -228,6 +257,11 @@ impl<'a> Radiosity<'a> {
     /// What has become of it.
     pub fn into_solution(self) -> Solution {
         self.solution
+    }
+
+    /// The same with its progress.
+    pub fn into_parts(self) -> (Solution, Progress) {
+        (self.solution, self.progress)
     }
 
     /// The matrix of form factors, once it is whole and while it is needed.

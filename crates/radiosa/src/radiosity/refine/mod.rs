@@ -14,17 +14,17 @@ use rayon::prelude::*;
 use super::direct::DirectLight;
 use super::gather::{Gather, Scratch};
 use super::mesh::{Element, ElementMesh};
-use super::solution::{Division, Radiosity, Settings as Solve, Solution};
+use super::solution::{Settings as Solve, Solution};
 use crate::math::DVec3;
 use crate::spectrum::{Spectrum, luminance};
-use crate::transport::{Solver, Step, World};
+use crate::transport::World;
 
 /// Where and how often.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// The largest step of reflected light that is left, relative to its mean over all surfaces.
     pub threshold: f64,
-    /// Times that elements are divided into four.
+    /// Times that elements are divided into four; zero: never.
     pub levels: u32,
     /// Elements at most; the largest steps go first.
     pub elements: usize,
@@ -34,34 +34,23 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { threshold: 0.1, levels: 2, elements: 20_000, gather: true }
+        Self { threshold: 0.1, levels: 0, elements: 20_000, gather: true }
     }
 }
 
-/// The solution over the first mesh, and those over the refined ones.
-pub fn solve(world: &World, settings: &Solve, refine: &Settings) -> Vec<Solution> {
-    let solve = |mesh: ElementMesh| {
-        let division = Division::of(mesh, &settings.solver);
-        let mut radiosity = Radiosity::new(world, &division, settings);
-        while let Step::Working { .. } = radiosity.step(world) {}
-        radiosity.into_solution()
-    };
-    let direct = DirectLight::new(world, &settings.extra_lights, settings.seed);
-    let mut solutions = vec![solve(ElementMesh::new(world, &settings.mesh, &direct))];
-    for _ in 0..refine.levels {
-        let Some(last) = solutions.last() else { break };
-        let marked = marked(world, last, settings, refine);
-        if !marked.contains(&true) {
-            break;
-        }
-        let next = solve(last.mesh.refined(world, &direct, &marked));
-        solutions.push(next);
+/// The mesh to solve over next; `None` when the last one is good enough, or may not be divided any more.
+pub fn next(world: &World, solution: &Solution, settings: &Solve) -> Option<ElementMesh> {
+    if solution.mesh.record().refined.len() >= settings.refine.levels as usize {
+        return None;
     }
-    solutions
+    let marked = marked(world, solution, settings);
+    let direct = DirectLight::new(world, &settings.extra_lights, settings.seed);
+    marked.contains(&true).then(|| solution.mesh.refined(world, &direct, &marked))
 }
 
 /// By element: its cell is to be divided.
-pub fn marked(world: &World, solution: &Solution, settings: &Solve, refine: &Settings) -> Vec<bool> {
+pub fn marked(world: &World, solution: &Solution, settings: &Solve) -> Vec<bool> {
+    let refine = &settings.refine;
     let (steps, scale) = (steps(solution), scale(solution));
     let gather = Gather::new(world, solution, &settings.extra_lights, settings.seed);
     let wanted: Vec<Option<f64>> = solution

@@ -14,8 +14,11 @@
 //! - *Substructuring*: shooters may be blocks of elements of one patch, which send out their mean, while every element receives: a row costs as much, but there are
 //!   fewer ([`super::super::mesh::ElementMesh::with_blocks`]). Source: [Cohen86].
 
+use std::io;
+
 use super::super::form_factor::{Factors, Row};
 use super::super::mesh::Blocks;
+use super::super::stream::{In, Out};
 use super::super::system::{System, Unknowns};
 
 /// Who is next.
@@ -68,6 +71,9 @@ pub struct Shooting {
     /// The elements of each shooter; those of one are its own block.
     blocks: Blocks,
     kept: Vec<Option<KeptRow>>,
+    /// Rows that were kept when the work was interrupted: they are found again when they are needed, and not counted again.
+    forgotten: Vec<bool>,
+    /// Form factors that are or would be kept.
     n_kept: usize,
     /// Next shooter in cyclic order.
     next: usize,
@@ -77,7 +83,24 @@ impl Shooting {
     /// Of the shooters of `blocks`.
     pub fn new(settings: Settings, blocks: Blocks) -> Self {
         let kept = (0..blocks.n()).map(|_| None).collect();
-        Self { settings, blocks, kept, n_kept: 0, next: 0 }
+        let forgotten = vec![false; blocks.n()];
+        Self { settings, blocks, kept, forgotten, n_kept: 0, next: 0 }
+    }
+
+    pub(in super::super) fn store(&self, out: &mut Out) -> io::Result<()> {
+        let known: Vec<u8> = self.kept.iter().zip(&self.forgotten).map(|(kept, &f)| u8::from(kept.is_some() || f)).collect();
+        out.array(&known)?;
+        out.number(self.n_kept as u64)?;
+        out.number(self.next as u64)
+    }
+
+    /// Goes on where [`Self::store`] was called, by the same settings and blocks.
+    pub(in super::super) fn restore(&mut self, from: &mut In) -> io::Result<()> {
+        let known: Vec<u8> = from.array(self.blocks.n())?;
+        self.forgotten = known.into_iter().map(|known| known != 0).collect();
+        self.n_kept = from.number()? as usize;
+        self.next = from.number()? as usize % self.blocks.n().max(1);
+        Ok(())
     }
 
     /// A batch of shots. `factors` are those of the mesh with its blocks.
@@ -86,10 +109,11 @@ impl Shooting {
         let missing: Vec<u32> = shooters.iter().copied().filter(|&s| self.kept[s as usize].is_none()).collect();
         let asked: Vec<u32> = missing.iter().map(|&s| self.blocks.element(s)).collect();
         let mut found = factors.rows(&asked).into_iter();
-        let mut work = Work { rows: asked.len() as u64, exchanges: 0 };
+        let new_rows = missing.iter().filter(|&&s| !self.forgotten[s as usize]).count();
+        let mut work = Work { rows: new_rows as u64, exchanges: 0 };
         for s in shooters {
             let kept = self.kept[s as usize].take();
-            let is_new = kept.is_none();
+            let is_new = kept.is_none() && !std::mem::take(&mut self.forgotten[s as usize]);
             let row = kept.unwrap_or_else(|| narrow(&found.next().unwrap_or_default(), system.n()));
             work.exchanges += row.len() as u64;
             self.shoot(s, row.iter().map(|&(j, f)| (j, f64::from(f))), system, unknowns, row_sums);

@@ -15,9 +15,12 @@
 //! - What lies behind a transparent surface is reached by rays that pass it, with the probability that it lets light through. As in rows of form factors, which then
 //!   sum to more than one, what is met behind counts beside the surface, and is taken off what escapes.
 
+use std::io;
+
 use rayon::prelude::*;
 
 use super::super::mesh::{self, Element, ElementMesh, Lift};
+use super::super::stream::{In, Out};
 use super::super::system::{System, Unknowns};
 use crate::math::{DVec3, Frame, Ray};
 use crate::sampling::{rng, sequence, warp};
@@ -100,6 +103,34 @@ impl Stochastic {
         stochastic.begin(system);
         stochastic.quantum = (0..n).map(|i| stochastic.weight(system, i)).sum::<f64>() / rays as f64;
         stochastic
+    }
+
+    pub(in super::super) fn store(&self, out: &mut Out) -> io::Result<()> {
+        for number in [self.quantum.to_bits(), self.iteration, u64::from(self.rounds), self.n_rays] {
+            out.number(number)?;
+        }
+        out.array(&self.used)?;
+        for column in [&self.irradiance, &self.unshot, &self.sum, &self.squares, &self.left] {
+            out.array(column)?;
+        }
+        out.array(&self.escaped_rays)?;
+        out.array(&self.escaped)
+    }
+
+    /// Goes on where [`Self::store`] was called, by the same system, settings and seed.
+    pub(in super::super) fn restore(&mut self, from: &mut In) -> io::Result<()> {
+        let n = self.used.len();
+        self.quantum = f64::from_bits(from.number()?);
+        self.iteration = from.number()?;
+        self.rounds = from.number()? as u32;
+        self.n_rays = from.number()?;
+        self.used = from.array(n)?;
+        for column in [&mut self.irradiance, &mut self.unshot, &mut self.sum, &mut self.squares, &mut self.left] {
+            *column = from.array(n)?;
+        }
+        self.escaped_rays = from.array(n)?;
+        self.escaped.copy_from_slice(&from.array(2)?);
+        Ok(())
     }
 
     /// A new round.

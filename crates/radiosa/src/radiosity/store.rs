@@ -1,0 +1,218 @@
+//! Solutions to and from streams: what they stand on, what they are, and what a solver needs to go on.
+//!
+//! Elements are not stored but made again from the surfaces and what is recorded about the mesh ([`mesh::Record`]); their areas are, and tell whether that worked.
+
+use std::io;
+
+use super::form_factor::Row;
+use super::matrix::{Matrix, restore_entries, store_entries};
+use super::mesh::{self, ElementMesh, Sides};
+use super::solution::{Division, Progress, Settings, Solution};
+use super::solve::gathering::Sweep;
+use super::solve::{History, Record};
+use super::stream::{In, Out, wrong};
+use super::system::{Balance, System};
+use crate::transport::World;
+
+/// A way of dividing surfaces: changes whenever the same settings give other elements.
+const MESHING: u64 = 1;
+
+/// Refinements at most.
+const MAX_LEVELS: u64 = 16;
+
+impl mesh::Record {
+    /// Writes it.
+    ///
+    /// # Errors
+    /// When the stream cannot take it.
+    pub fn store(&self, out: &mut Out) -> io::Result<()> {
+        let Self { settings, kept, refined, exposed } = self;
+        let sides = match settings.sides {
+            Sides::Lit => 0,
+            Sides::Both => 1,
+            Sides::Front => 2,
+        };
+        for number in [MESHING, u64::from(settings.elements), settings.size.unwrap_or(f64::NAN).to_bits(), sides] {
+            out.number(number)?;
+        }
+        out.array(&kept.iter().map(|k| u8::from(k[0]) | u8::from(k[1]) << 1).collect::<Vec<u8>>())?;
+        out.number(refined.len() as u64)?;
+        for marked in refined {
+            out.array(&marked.iter().map(|&m| u8::from(m)).collect::<Vec<u8>>())?;
+        }
+        out.array(exposed)
+    }
+
+    /// Reads what [`Self::store`] wrote.
+    ///
+    /// # Errors
+    /// When the stream ends, or holds something else.
+    pub fn restore(from: &mut In) -> io::Result<Self> {
+        if from.number()? != MESHING {
+            return Err(wrong("its elements were made in another way, by another version"));
+        }
+        let elements = u32::try_from(from.number()?).map_err(|_| wrong("too many elements"))?;
+        let size = f64::from_bits(from.number()?);
+        let size = if size.is_nan() { None } else { Some(size).filter(|s| *s > 0.0) };
+        let sides = match from.number()? {
+            0 => Sides::Lit,
+            1 => Sides::Both,
+            2 => Sides::Front,
+            _ => return Err(wrong("it names sides that do not exist")),
+        };
+        let kept = from.any_array::<u8>()?.into_iter().map(|k| [k & 1 == 1, k & 2 == 2]).collect();
+        let mut refined = Vec::new();
+        for _ in 0..from.number()?.min(MAX_LEVELS) {
+            refined.push(from.any_array::<u8>()?.into_iter().map(|m| m != 0).collect());
+        }
+        let exposed = from.any_array()?;
+        Ok(Self { settings: mesh::Settings { elements, size, sides }, kept, refined, exposed })
+    }
+}
+
+impl Solution {
+    /// Writes it, with the record of its mesh.
+    ///
+    /// # Errors
+    /// When the stream cannot take it.
+    pub fn store(&self, out: &mut Out) -> io::Result<()> {
+        self.mesh.record().store(out)?;
+        let System { area, reflectance, emission, direct } = &self.system;
+        out.array(area)?;
+        for column in [reflectance, emission, direct, &self.radiosity, &self.irradiance, &self.unshot, &self.irradiance_error] {
+            out.array(column)?;
+        }
+        out.array(&self.row_sums)?;
+        out.number(self.n_factors as u64)?;
+        out.array(&flat(&self.balance))?;
+        out.number(self.history.records.len() as u64)?;
+        for r in &self.history.records {
+            let mut numbers = vec![r.residual, r.change, r.error.unwrap_or(f64::NAN)];
+            numbers.extend(flat(&r.balance));
+            out.array(&numbers)?;
+            out.array(&[u64::from(r.step), u64::from(r.error.is_some()), r.n_pairs, r.n_exchanges, r.n_rays])?;
+        }
+        Ok(())
+    }
+
+    /// Reads what [`Self::store`] wrote, of the same surfaces and not more than about `max_elements`.
+    ///
+    /// # Errors
+    /// When the stream ends, holds something else or too many elements, or is of other surfaces.
+    pub fn restore(world: &World, max_elements: u64, from: &mut In) -> io::Result<Self> {
+        let record = mesh::Record::restore(from)?;
+        if ElementMesh::estimate(world, &record.settings) > max_elements {
+            return Err(wrong("it has more elements than --max-memory allows"));
+        }
+        let mesh = ElementMesh::again(world, &record).ok_or_else(|| wrong("it is of other surfaces"))?;
+        let n = mesh.elements().len();
+        let area: Vec<f64> = from.array(n)?;
+        if area.iter().zip(mesh.elements()).any(|(a, e)| a.to_bits() != e.area.to_bits()) {
+            return Err(wrong("its elements have other areas"));
+        }
+        let mut columns: [Vec<[f64; 3]>; 6] = Default::default();
+        for column in &mut columns {
+            *column = from.array(n)?;
+        }
+        let irradiance_error = from.any_array()?;
+        if !irradiance_error.is_empty() && irradiance_error.len() != n {
+            return Err(wrong("an array has another length than it should"));
+        }
+        let [reflectance, emission, direct, radiosity, irradiance, unshot] = columns;
+        let row_sums = from.array(n)?;
+        let n_factors = from.number()? as usize;
+        let balance = round(&from.array(12)?);
+        let mut history = History::default();
+        for _ in 0..from.number()? {
+            let numbers: Vec<f64> = from.array(15)?;
+            let counts: Vec<u64> = from.array(5)?;
+            history.records.push(Record {
+                step: counts[0] as u32,
+                residual: numbers[0],
+                change: numbers[1],
+                error: (counts[1] != 0).then_some(numbers[2]),
+                balance: round(&numbers[3..]),
+                n_pairs: counts[2],
+                n_exchanges: counts[3],
+                n_rays: counts[4],
+            });
+        }
+        let system = System { area, reflectance, emission, direct };
+        Ok(Self { mesh, system, radiosity, irradiance, unshot, irradiance_error, row_sums, n_factors, balance, history })
+    }
+}
+
+/// A balance as numbers.
+fn flat(b: &Balance) -> Vec<f64> {
+    [b.emitted, b.absorbed, b.escaped, b.unshot].concat()
+}
+
+/// The inverse of [`flat`].
+fn round(numbers: &[f64]) -> Balance {
+    let at = |k: usize| [numbers[3 * k], numbers[3 * k + 1], numbers[3 * k + 2]];
+    Balance { emitted: at(0), absorbed: at(1), escaped: at(2), unshot: at(3) }
+}
+
+impl Progress {
+    /// Writes it.
+    ///
+    /// # Errors
+    /// When the stream cannot take it.
+    pub fn store(&self, out: &mut Out) -> io::Result<()> {
+        match self {
+            Self::Factors(rows, _) => {
+                out.number(1)?;
+                out.number(rows.len() as u64)?;
+                rows.iter().try_for_each(|row| store_entries(row, out))
+            }
+            Self::Gathering(matrix, _) => {
+                out.number(2)?;
+                matrix.store(out)
+            }
+            Self::Shooting(shooting) => {
+                out.number(3)?;
+                shooting.store(out)
+            }
+            Self::Stochastic(stochastic) => {
+                out.number(4)?;
+                stochastic.store(out)
+            }
+        }
+    }
+
+    /// Reads what [`Self::store`] wrote, of a solve over `division` by the same settings.
+    ///
+    /// # Errors
+    /// When the stream ends, or is of another solver.
+    pub fn restore(division: &Division, settings: &Settings, system: &System, from: &mut In) -> io::Result<Self> {
+        let n = system.n();
+        let fresh = Self::new(division, settings, system);
+        Ok(match (from.number()?, fresh) {
+            (1, Self::Factors(_, sweep)) => {
+                let n_rows = from.number()?.min(n as u64);
+                let rows: io::Result<Vec<Row>> = (0..n_rows).map(|_| restore_entries(n, from)).collect();
+                Self::Factors(rows?, sweep)
+            }
+            (2, Self::Factors(_, sweep)) => Self::Gathering(Matrix::restore(n, from)?, sweep),
+            (3, Self::Shooting(mut shooting)) => {
+                shooting.restore(from)?;
+                Self::Shooting(shooting)
+            }
+            (4, Self::Stochastic(mut stochastic)) => {
+                stochastic.restore(from)?;
+                Self::Stochastic(stochastic)
+            }
+            _ => return Err(wrong("it was being solved by another solver")),
+        })
+    }
+
+    /// Where a sweep stands beside the matrix: which kind it is, for messages.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Factors(_, Sweep::Jacobi) | Self::Gathering(_, Sweep::Jacobi) => "jacobi",
+            Self::Factors(_, Sweep::GaussSeidel) | Self::Gathering(_, Sweep::GaussSeidel) => "gauss-seidel",
+            Self::Shooting(_) => "shooting",
+            Self::Stochastic(_) => "stochastic",
+        }
+    }
+}
