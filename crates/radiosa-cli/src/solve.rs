@@ -258,7 +258,12 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
     let balance = &solution.balance;
     let last = solution.history.records.last();
     if !work.quiet {
-        let (unit, sum) = (power_unit(&world), |v: [f64; 3]| v.map(|v| format!("{v:.6}")).join(" "));
+        // Parts of what is emitted, by channel.
+        let part = |v: [f64; 3]| {
+            let of = |c: usize| if balance.emitted[c] > 0.0 { v[c] / balance.emitted[c] * 100.0 } else { 0.0 };
+            (0..3).map(|c| format!("{:.4}", of(c))).collect::<Vec<_>>().join(" ") + " %"
+        };
+        let power = balance.emitted.map(significant).join(" ");
         let mut lines = vec![
             format!("surfaces    {} elements of {} patches", solution.mesh.elements().len(), solution.mesh.patches().len()),
             format!("solver      {}, {} steps", solved.solver, solution.history.records.len()),
@@ -273,10 +278,10 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
             });
         }
         lines.extend([
-            format!("emitted     {} {unit}", sum(balance.emitted)),
-            format!("absorbed    {}", sum(balance.absorbed)),
-            format!("escaped     {}", sum(balance.escaped)),
-            format!("unshot      {}", sum(balance.unshot)),
+            format!("emitted     {power} {}", power_unit(&world)),
+            format!("absorbed    {}", part(balance.absorbed)),
+            format!("escaped     {}", part(balance.escaped)),
+            format!("unshot      {}", part(balance.unshot)),
         ]);
         if solved.done < 1.0 {
             let done = solved.done * 100.0;
@@ -320,6 +325,12 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
         crate::version::say(&report.to_string());
     }
     Ok(if interrupt::asked() { ExitCode::from(130) } else { ExitCode::SUCCESS })
+}
+
+/// A number with four digits that say something.
+fn significant(v: f64) -> String {
+    let digits = if v == 0.0 { 0.0 } else { 3.0 - v.abs().log10().floor() };
+    format!("{v:.*}", digits.clamp(0.0, 12.0) as usize)
 }
 
 fn power_unit(world: &World) -> &'static str {

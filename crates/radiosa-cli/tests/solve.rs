@@ -1,0 +1,201 @@
+//! `radiosa solve`: solutions that are kept, gone on with, shown, measured and exported.
+
+use std::path::Path;
+use std::process::{Command as Process, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use assert_cmd::Command;
+use serde_json::Value;
+
+fn radiosa(dir: &Path, args: &[&str]) -> Output {
+    let mut command = Command::cargo_bin("radiosa").expect("the command is built");
+    command.current_dir(dir).env("NO_COLOR", "1").env("COLUMNS", "100").args(args).output().expect("it runs")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn ok(dir: &Path, args: &[&str]) -> Value {
+    let output = radiosa(dir, &[args, &["--json", "-q"]].concat());
+    assert!(output.status.success(), "{args:?}: {}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).expect("one object")
+}
+
+/// What fails says so, and how.
+fn refused(dir: &Path, args: &[&str], why: &str) {
+    let output = radiosa(dir, args);
+    let said = text(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(output.status.code() == Some(1) && said.contains(why), "{args:?}: {said}");
+}
+
+/// A closed box of one reflectance that emits everywhere: B = E/(1 − ρ) on all of it.
+const FURNACE: &str = r#"
+[material.all]
+lambert = [0.5, 0.25, 0.8]
+emission = [1.0, 2.0, 0.5]
+[[shape]]
+name = "walls"
+material = "all"
+box = { min = [0, 0, 0], max = [2, 1, 1.5], inward = true }
+"#;
+
+fn read(path: &Path) -> Vec<u8> {
+    std::fs::read(path).expect("it was written")
+}
+
+#[test]
+fn after_kill_9_the_same_command_goes_on_to_the_same_bytes() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let solvers: [&[&str]; 4] = [
+        &["--solver", "gauss-seidel", "--elements", "500", "--refine", "1"],
+        &["--solver", "shooting", "--elements", "300", "--residual", "1e-4"],
+        &["--solver", "shooting", "--block", "4", "--order", "cyclic", "--elements", "300", "--residual", "1e-3"],
+        &["--solver", "stochastic", "--elements", "800", "--error", "0.05"],
+    ];
+    for (k, options) in solvers.into_iter().enumerate() {
+        let (whole, killed) = (format!("whole{k}/room.radiosa"), format!("killed{k}/room.radiosa"));
+        for folder in [&whole, &killed] {
+            std::fs::create_dir_all(dir.path().join(folder).parent().expect("a folder")).expect("it can be made");
+        }
+        let run = |folder: &str, more: &[&str]| {
+            let at = dir.path().join(folder).parent().expect("a folder").to_path_buf();
+            let args = [&["solve", "cornell-box", "-o", "room.radiosa", "--save-every", "1ms"], options, more].concat();
+            (at, args.into_iter().map(str::to_owned).collect::<Vec<_>>())
+        };
+        let (at, args) = run(&whole, &["--threads", "1"]);
+        ok(&at, &args.iter().map(String::as_str).collect::<Vec<_>>());
+        // Killed as soon as something was saved, three times; then to the end.
+        let (at, args) = run(&killed, &["--resume", "--threads", "3", "-q"]);
+        let file = at.join("room.radiosa");
+        let mut n_killed = 0;
+        for _ in 0..3 {
+            let before = std::fs::read(&file).ok();
+            let mut child = Process::new(assert_cmd::cargo::cargo_bin("radiosa"))
+                .current_dir(&at)
+                .args(&args)
+                .stdout(Stdio::null())
+                .spawn()
+                .expect("it starts");
+            let begun = Instant::now();
+            while begun.elapsed() < Duration::from_secs(60) && std::fs::read(&file).ok() == before {
+                if child.try_wait().expect("it can be asked").is_some() {
+                    break;
+                }
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            n_killed += usize::from(child.kill().is_ok());
+            child.wait().expect("it ends");
+        }
+        assert_eq!(n_killed, 3);
+        let (at, args) = run(&killed, &["--resume"]);
+        let report = ok(&at, &args.iter().map(String::as_str).collect::<Vec<_>>());
+        assert!(report["resumed_after"].is_u64() && report["done"] == 1.0, "{report}");
+        assert!(read(&dir.path().join(&whole)) == read(&file), "{options:?}: other bytes");
+    }
+}
+
+#[test]
+fn what_is_kept_is_what_is_shown_and_measured() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let at = dir.path();
+    let few = ["--elements", "300"];
+    ok(at, &[&["solve", "cornell-box", "-o", "a.radiosa"], &few[..]].concat());
+    let grid = ["measure", "cornell-box", "--grid", "0.1", "--height", "0.05"];
+    ok(at, &[&grid[..], &few, &["-o", "anew.csv"]].concat());
+    ok(at, &[&grid[..], &["--solution", "a.radiosa", "-o", "kept.csv"]].concat());
+    assert_eq!(text(&read(&at.join("anew.csv"))), text(&read(&at.join("kept.csv"))));
+    let picture = ["render", "cornell-box", "--size", "40x40", "--spp", "1"];
+    let anew = ok(at, &[&picture[..], &few, &["--method", "radiosity", "-o", "anew.png"]].concat());
+    let kept = ok(at, &[&picture[..], &["--solution", "a.radiosa", "-o", "kept.png"]].concat());
+    assert_eq!(anew["mean_radiance"], kept["mean_radiance"]);
+    assert_eq!(kept["method"], "radiosity");
+    let output = radiosa(at, &["info", "a.radiosa", "--json"]);
+    let info: Value = serde_json::from_slice(&output.stdout).expect("one object");
+    assert!(info["command"].as_str().is_some_and(|c| c.starts_with("radiosa solve cornell-box")), "{info}");
+}
+
+#[test]
+fn a_file_that_does_not_fit_is_refused() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let at = dir.path();
+    std::fs::write(at.join("furnace.toml"), FURNACE).expect("it can be written");
+    let few = ["--elements", "50"];
+    ok(at, &[&["solve", "furnace.toml", "-o", "a.radiosa"], &few[..]].concat());
+    let whole = read(&at.join("a.radiosa"));
+    refused(at, &["render", "cornell-box", "--solution", "a.radiosa", "-o", "x.png"], "it is of another scene");
+    let other = ["solve", "furnace.toml", "-o", "a.radiosa", "--resume", "--elements", "51"];
+    refused(at, &other, "it was solved with other settings");
+    // (A tighter end is no other setting.)
+    ok(at, &[&["solve", "furnace.toml", "-o", "a.radiosa", "--resume", "--residual", "1e-9"], &few[..]].concat());
+    let show = ["measure", "furnace.toml", "--grid", "0.5", "--solution", "b.radiosa", "-o", "x.csv"];
+    for n in [0, 7, 11, 12, 40, whole.len() / 2, whole.len() - 1] {
+        std::fs::write(at.join("b.radiosa"), &whole[..n]).expect("it can be written");
+        refused(at, &show, "cannot read b.radiosa");
+    }
+    for k in (0..whole.len()).step_by(whole.len() / 60) {
+        let mut damaged = whole.clone();
+        damaged[k] ^= 0x5A;
+        std::fs::write(at.join("b.radiosa"), &damaged).expect("it can be written");
+        refused(at, &show, "cannot read b.radiosa");
+    }
+    refused(at, &["render", "furnace.toml", "--solution", "none.radiosa"], "cannot read none.radiosa");
+    let output = radiosa(at, &["render", "furnace.toml", "--solution", "a.radiosa", "--method", "raycast"]);
+    assert_eq!(output.status.code(), Some(2));
+    refused(at, &["solve", "furnace.toml", "--elements", "50000000", "--max-memory", "1G"], "more than the 1024 MiB allowed");
+    refused(at, &["solve", "furnace.toml", "--export", "x.obj"], "the ending must be one of .glb, .gltf, .ply");
+}
+
+/// The values of an attribute in a `.glb`.
+fn attribute(glb: &[u8], name: &str) -> Vec<[f32; 3]> {
+    let length = u32::from_le_bytes(glb[12..16].try_into().expect("four bytes")) as usize;
+    let json: Value = serde_json::from_slice(&glb[20..20 + length]).expect("JSON");
+    let bytes = &glb[28 + length..];
+    let index = &json["meshes"][0]["primitives"][0]["attributes"][name];
+    let accessor = &json["accessors"][index.as_u64().expect("an index") as usize];
+    let view = &json["bufferViews"][accessor["bufferView"].as_u64().expect("an index") as usize];
+    let [start, n] = ["byteOffset", "byteLength"].map(|key| view[key].as_u64().expect("a number") as usize);
+    let number = |b: &[u8]| f32::from_le_bytes(b.try_into().expect("four bytes"));
+    bytes[start..start + n].chunks(12).map(|v| [number(&v[..4]), number(&v[4..8]), number(&v[8..])]).collect()
+}
+
+#[test]
+fn the_light_of_a_furnace_is_exported_and_reported() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let at = dir.path();
+    std::fs::write(at.join("furnace.toml"), FURNACE).expect("it can be written");
+    let exports = ["--export", "a.glb", "--export", "a.gltf", "--export", "a.ply"];
+    let report = ok(at, &[&["solve", "furnace.toml", "--elements", "50", "--exposure", "0.1"], &exports[..]].concat());
+    // L_e is emission/π in no unit here: E = π L_e.
+    let expected = [(1.0, 0.5), (2.0, 0.25), (0.5, 0.8)].map(|(e, rho)| std::f64::consts::PI * e / (1.0 - rho));
+    let surface = &report["surfaces"][0];
+    assert_eq!(surface["name"], "walls");
+    assert!((surface["area"].as_f64().expect("a number") - 13.0).abs() < 1e-9, "{surface}");
+    let glb = read(&at.join("a.glb"));
+    let (radiosity, color) = (attribute(&glb, "_RADIOSITY"), attribute(&glb, "COLOR_0"));
+    for (c, b) in expected.into_iter().enumerate() {
+        let mean = surface["radiosity"][c].as_f64().expect("a number");
+        assert!((mean / b - 1.0).abs() < 1e-5, "{mean} is not {b}");
+        assert!(radiosity.iter().all(|v| (f64::from(v[c]) / b - 1.0).abs() < 1e-5));
+        let shown = (0.1 * b / std::f64::consts::PI).min(1.0);
+        assert!(color.iter().all(|v| (f64::from(v[c]) - shown).abs() < 1e-5));
+    }
+    // Both glTF files read back as the box.
+    for file in ["a.glb", "a.gltf"] {
+        let (scene, warnings) = radiosa::import::load(&at.join(file), &radiosa::import::Options::default()).expect("it is read");
+        assert!(warnings.is_empty(), "{warnings:?}");
+        let (low, high) = scene.bounds().expect("it has faces");
+        assert!(low.abs_diff_eq(radiosa::math::DVec3::ZERO, 1e-6) && (high - radiosa::math::DVec3::new(2.0, 1.0, 1.5)).length() < 1e-6);
+    }
+    let ply = read(&at.join("a.ply"));
+    let end = b"end_header\n";
+    let head = ply.windows(end.len()).position(|w| w == end).expect("a header") + end.len();
+    let count = |what: &str| {
+        let head = text(&ply[..head]);
+        let line = head.lines().find_map(|l| l.strip_prefix(what)).expect("it is said").trim().to_owned();
+        line.parse::<usize>().expect("a number")
+    };
+    let (vertices, faces) = (count("element vertex"), count("element face"));
+    assert_eq!(vertices, radiosity.len());
+    assert_eq!(ply.len(), head + vertices * 15 * 4 + faces * 13);
+}
