@@ -5,6 +5,7 @@
 mod args;
 mod error;
 mod factors;
+mod false_color;
 mod interrupt;
 mod measure;
 mod progress;

@@ -6,8 +6,9 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use radiosa::export::image::Recipe;
 use radiosa::export::{self, ExportError};
-use radiosa::measure::{self, Reading, Sensor, Summary};
+use radiosa::measure::{self, Grid, Reading, Sensor, Summary};
 use radiosa::radiosity::{self, gather};
 use radiosa::scene::Quantity;
 use radiosa::transport::World;
@@ -16,13 +17,14 @@ use serde_json::json;
 
 use crate::args::{Measure, MeasureMethod};
 use crate::error::Error;
+use crate::false_color::{self, Values};
 use crate::progress::Progress;
 use crate::render::output::{self, tell};
 use crate::render::{plan, with_threads};
 use crate::solve;
 
 /// Endings of tables.
-const ENDINGS: &[&str] = &["csv", "json"];
+const ENDINGS: &[&str] = &["csv", "json", "png"];
 
 pub(crate) fn run(args: &Measure, json: bool) -> Result<ExitCode, Error> {
     with_threads(&args.work, || measure(args, json))
@@ -32,6 +34,9 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
     let start = Instant::now();
     for output in &args.output {
         check(output)?;
+        if args.grid.is_none() && has_ending(output, "png") {
+            return Err(Error::Misuse("error: a .png shows a grid: measure with --grid METRES\n".into()));
+        }
     }
     let mut warnings = Vec::new();
     let mut scene = plan::load(&args.scene, &args.changes, &args.work, &mut warnings)?;
@@ -39,7 +44,7 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
         radiosity::tessellate(&mut scene, solve::rings(&args.radiosity, args.solution.as_deref())?);
     }
     let world = plan::prepare(scene, &args.work)?;
-    let sensors = sensors(args, &world)?;
+    let (sensors, grid) = sensors(args, &world)?;
     let prepared = start.elapsed();
     if !args.work.quiet {
         output::say_warnings(&warnings);
@@ -76,7 +81,13 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
             json!({ "min": s.min, "mean": s.mean, "max": s.max, "uniformity": s.uniformity(), "min_to_max": s.diversity() });
     }
     for path in &args.output {
-        let text = if is_json(path) { table_json(&report, &sensors, &readings, efficacy) } else { table.clone() };
+        if let Some(grid) = grid.as_ref().filter(|_| has_ending(path, "png")) {
+            let recipe = Recipe::new().with("version", env!("CARGO_PKG_VERSION")).with("command", output::command_line());
+            let shown = picture(grid, &readings, illuminance, unit);
+            false_color::write(&shown, &args.colors, path, &recipe)?;
+            continue;
+        }
+        let text = if has_ending(path, "json") { table_json(&report, &sensors, &readings, efficacy) } else { table.clone() };
         export::write_atomically(path, |file| std::io::Write::write_all(file, text.as_bytes()))?;
     }
     if args.output.is_empty() && !json {
@@ -100,19 +111,30 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn is_json(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
+fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending))
+}
+
+/// A grid seen from above, −z up; readings take some pixels each.
+fn picture(grid: &Grid, readings: &[Reading], value: impl Fn(&Reading) -> f64, unit: &str) -> Values {
+    /// Pixels along the longer side, about.
+    const SIDE: u32 = 600;
+    let [width, height] = grid.n;
+    let mut values = vec![f64::NAN; width as usize * height as usize];
+    for (place, reading) in grid.places.iter().zip(readings) {
+        values[*place as usize] = value(reading);
+    }
+    Values { values, width, height, zoom: (SIDE / width.max(height).max(1)).clamp(1, 64), unit: unit.to_owned() }
 }
 
 fn check(path: &Path) -> Result<(), Error> {
-    let known = path.extension().is_some_and(|e| ENDINGS.iter().any(|k| e.eq_ignore_ascii_case(k)));
-    if !known {
+    if !ENDINGS.iter().any(|ending| has_ending(path, ending)) {
         return Err(ExportError::UnknownEnding { path: path.to_path_buf(), known: ENDINGS }.into());
     }
     Ok(export::check_writable(path)?)
 }
 
-fn sensors(args: &Measure, world: &World) -> Result<Vec<Sensor>, Error> {
+fn sensors(args: &Measure, world: &World) -> Result<(Vec<Sensor>, Option<Grid>), Error> {
     let wrong = |e: &dyn std::fmt::Display, path: &Path| {
         Error::failed(format!("{}: {e}", path.display()), "write a sensor a line: its position and the direction it faces")
     };
@@ -125,9 +147,10 @@ fn sensors(args: &Measure, world: &World) -> Result<Vec<Sensor>, Error> {
                 std::fs::File::open(path).and_then(|f| f.take(args.work.max_memory).read_to_string(&mut text)).map(drop)
             };
             read.map_err(|e| wrong(&e, path))?;
-            measure::parse_sensors(&text).map_err(|e| wrong(&e, path))
+            measure::parse_sensors(&text).map_err(|e| wrong(&e, path)).map(|sensors| (sensors, None))
         }
         (None, Some(spacing)) => measure::grid(world, spacing, args.height)
+            .map(|grid| (grid.sensors.clone(), Some(grid)))
             .map_err(|e| Error::failed(e.to_string(), "ask for a wider --grid, or look at the --scale of the scene")),
         (None, None) => Err(Error::Misuse("error: say where to measure: --points FILE or --grid METRES\n".into())),
     }

@@ -185,7 +185,10 @@ fn the_light_of_a_furnace_is_exported_and_reported() {
         let (scene, warnings) = radiosa::import::load(&at.join(file), &radiosa::import::Options::default()).expect("it is read");
         assert!(warnings.is_empty(), "{warnings:?}");
         let (low, high) = scene.bounds().expect("it has faces");
-        assert!(low.abs_diff_eq(radiosa::math::DVec3::ZERO, 1e-6) && (high - radiosa::math::DVec3::new(2.0, 1.0, 1.5)).length() < 1e-6);
+        assert!(
+            low.abs_diff_eq(radiosa::math::DVec3::ZERO, 1e-6)
+                && (high - radiosa::math::DVec3::new(2.0, 1.0, 1.5)).length() < 1e-6
+        );
     }
     let ply = read(&at.join("a.ply"));
     let end = b"end_header\n";

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::value::parse_scale;
-use super::{Radiosity, SceneChanges, Work};
+use super::{FalseColor, Radiosity, SceneChanges, Work};
 
 #[derive(Args, Debug)]
 pub(crate) struct Measure {
@@ -33,7 +33,7 @@ pub(crate) struct Measure {
     #[arg(long, value_name = "LM/W", num_args = 0..=1, default_missing_value = "179", value_parser = parse_scale)]
     pub(crate) lux: Option<f64>,
 
-    /// Where to write: .csv or .json (repeatable); standard output, as CSV, when left out
+    /// Where to write: .csv, .json, or .png for a picture of a grid in false colours (repeatable); standard output, as CSV, when left out
     #[arg(short, long)]
     pub(crate) output: Vec<PathBuf>,
 
@@ -44,6 +44,9 @@ pub(crate) struct Measure {
     /// Seed of every random stream
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
+
+    #[command(flatten)]
+    pub(crate) colors: FalseColor,
 
     #[command(flatten)]
     pub(crate) changes: SceneChanges,

@@ -1,6 +1,7 @@
 //! Every option of the command, defined once; help and completions derive from it.
 
 pub(crate) mod factors;
+mod false_color;
 mod measure;
 mod picture;
 mod radiosity;
@@ -8,11 +9,12 @@ mod sheet;
 mod solve;
 mod value;
 
+pub(crate) use false_color::{FalseColor, Palette, ScaleKind};
 pub(crate) use measure::{Measure, MeasureMethod};
 pub(crate) use picture::{
     Cull, Filter, Fresnel, Interpolation, Method, OnOff, Picture, SceneChanges, TextureFilter, ToneMap, Up, Viewer,
 };
-pub(crate) use radiosity::{Order, Radiosity, Solver, Spread};
+pub(crate) use radiosity::{Order, Radiosity, Show, Solver, Spread};
 pub(crate) use sheet::Sheet;
 pub(crate) use solve::Solve;
 pub(crate) use value::{Emitters, Exposure, Size, parse_color};
@@ -109,6 +111,9 @@ pub(crate) struct Render {
 
     #[command(flatten)]
     pub(crate) picture: Picture,
+
+    #[command(flatten)]
+    pub(crate) colors: FalseColor,
 
     /// Bits a channel of PNG files
     #[arg(long, value_enum, default_value_t = Bits::Eight)]

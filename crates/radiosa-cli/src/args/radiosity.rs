@@ -62,6 +62,14 @@ pub(crate) struct Radiosity {
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Show {
+    /// What a camera sees
+    Radiance,
+    /// What arrives at surfaces, in W/m² or lux
+    Irradiance,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Solver {
     /// Gauss-Seidel up to 12 000 elements, stochastic beyond
     Auto,

@@ -89,6 +89,14 @@ pub(crate) fn parse_duration(s: &str) -> Result<Duration, String> {
     Duration::try_from_secs_f64(value * factor).map_err(|_| advice())
 }
 
+pub(crate) fn parse_range(s: &str) -> Result<(f64, f64), String> {
+    let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
+    match s.split_once(',').map(|(low, high)| (number(low), number(high))) {
+        Some((Some(low), Some(high))) if low < high => Ok((low, high)),
+        _ => Err("give two numbers from zero, the lower one first, such as 0,500".into()),
+    }
+}
+
 pub(crate) fn parse_memory(s: &str) -> Result<u64, String> {
     let advice = || "give a size such as 500M or 4G".to_owned();
     let split = s.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(s.len());

@@ -28,11 +28,11 @@ pub(crate) struct Choice {
 
 /// Decides about `auto`.
 pub(crate) fn choose(picture: &Picture, world: &World) -> Result<Choice, Error> {
-    if picture.solution.is_some() {
+    if picture.solution.is_some() || picture.show == args::Show::Irradiance {
         return match picture.method {
-            Method::Auto => Ok(Choice { method: Method::Radiosity, why: Some("there is a solution") }),
+            Method::Auto => Ok(Choice { method: Method::Radiosity, why: Some("it is asked for what radiosity knows") }),
             Method::Radiosity => Ok(Choice { method: Method::Radiosity, why: None }),
-            _ => Err(Error::Misuse("error: --solution goes with --method radiosity\n".into())),
+            _ => Err(Error::Misuse("error: --solution and --show irradiance go with --method radiosity\n".into())),
         };
     }
     Ok(match picture.method {
@@ -185,6 +185,10 @@ pub(crate) fn draw(
                 args::Spread::Gouraud => radiosity::display::Interpolation::Gouraud,
             };
             let display = Display::new(world, &solution, spread, footprint(stage, picture))
+                .showing(match picture.show {
+                    args::Show::Radiance => radiosity::display::Shown::Radiance,
+                    args::Show::Irradiance => radiosity::display::Shown::Irradiance,
+                })
                 .with_backdrop(default_light::has_backdrop(world, &lighting.extra_lights));
             let drawing = trace(&display, stage, picture, lighting, sampling, watch)?;
             Ok(Drawing { done: drawing.done.min(solved), ..drawing })

@@ -15,6 +15,7 @@ use serde_json::json;
 
 use crate::args::{self, Render, Work};
 use crate::error::Error;
+use crate::false_color;
 use crate::interrupt;
 use method::Watch;
 use output::tell;
@@ -80,7 +81,12 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
     let exposure = options.tone_map.prepare(&drawing.film).factor;
     let recipe = output::recipe(&args.scene, picture, &stage, choice, drawing.done);
     for output in &outputs {
-        image::write(&drawing.film, output, &recipe, &options)?;
+        if args.colors.false_color.is_some() && image::Format::of(output)? == image::Format::Png {
+            let unit = output::unit_of_pixels(picture, stage.world.scene());
+            false_color::write(&false_color::Values::of(&drawing.film, unit), &args.colors, output, &recipe)?;
+        } else {
+            image::write(&drawing.film, output, &recipe, &options)?;
+        }
     }
 
     let (world, unit) = (&stage.world, choice.unit());

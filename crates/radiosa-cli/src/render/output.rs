@@ -40,6 +40,17 @@ pub(crate) fn quantity_name(quantity: Quantity) -> &'static str {
     }
 }
 
+/// What the luminance of a pixel is counted in.
+pub(crate) fn unit_of_pixels(picture: &Picture, scene: &Scene) -> String {
+    match (scene.quantity, picture.show) {
+        (Quantity::Radiometric, args::Show::Radiance) => "W/(m²sr)",
+        (Quantity::Radiometric, args::Show::Irradiance) => "W/m²",
+        (Quantity::Photometric, args::Show::Radiance) => "cd/m²",
+        (Quantity::Photometric, args::Show::Irradiance) => "lx",
+    }
+    .to_owned()
+}
+
 /// The command line as one would type it again, without the number of threads and whether it goes on from before: they change nothing, so the files are
 /// the same.
 pub(crate) fn command_line() -> String {

@@ -33,7 +33,7 @@ impl Stage {
     /// When it takes too much memory, is wrong, or has no such camera.
     pub(crate) fn new(mut scene: Scene, picture: &Picture, work: &Work) -> Result<Self, Error> {
         let cpu_path = cpu_path(work.cpu_path)?;
-        if picture.method == Method::Radiosity || picture.solution.is_some() {
+        if picture.method == Method::Radiosity || picture.solution.is_some() || picture.show == args::Show::Irradiance {
             radiosa::radiosity::tessellate(&mut scene, solve::rings(&picture.radiosity, picture.solution.as_deref())?);
         }
         let memory = scene_memory(&scene);

@@ -4,8 +4,8 @@
 
 mod axis;
 mod figure;
-mod label;
-mod page;
+pub(crate) mod label;
+pub(crate) mod page;
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -56,8 +56,7 @@ impl Layout {
 
     /// The page with everything but the cells.
     pub(crate) fn page(&self) -> Page {
-        let mut page =
-            Page { width: self.width, height: self.height, rgb: vec![PAPER; 3 * self.width as usize * self.height as usize] };
+        let mut page = Page::new(self.width, self.height);
         let line = self.style.line_height();
         for (i, text) in self.title.iter().enumerate() {
             let bold = self.style.bold();
@@ -91,6 +90,11 @@ pub(crate) struct Page {
 }
 
 impl Page {
+    /// A blank one.
+    pub(crate) fn new(width: u32, height: u32) -> Self {
+        Self { width, height, rgb: vec![PAPER; 3 * width as usize * height as usize] }
+    }
+
     /// Darkens a pixel; nothing where there is no page.
     pub(crate) fn ink(&mut self, x: u32, y: u32, ink: u8) {
         if x < self.width && y < self.height {

@@ -10,6 +10,7 @@
 //! No pixel ever writes into another ([`filter`] importance-samples the reconstruction filter instead of splatting), so
 //! that a film does not depend on the order in which its pixels are made.
 
+pub mod false_color;
 pub mod filter;
 mod layer;
 mod pixel;

@@ -93,12 +93,23 @@ pub fn parse_sensors(text: &str) -> Result<Vec<Sensor>, SensorError> {
     Ok(sensors)
 }
 
+/// Sensors on a regular grid, some of whose places may be empty.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    /// Row by row.
+    pub sensors: Vec<Sensor>,
+    /// Places along x and z.
+    pub n: [u32; 2],
+    /// Of each sensor the place, `z · n[0] + x`.
+    pub places: Vec<u32>,
+}
+
 /// A horizontal grid facing up, `height` above the floors of a scene: wherever a regular grid of points has a surface below it and is not inside of a
 /// solid. Spacing and height in metres.
 ///
 /// # Errors
 /// When there would be too many.
-pub fn grid(world: &World, spacing: f64, height: f64) -> Result<Vec<Sensor>, SensorError> {
+pub fn grid(world: &World, spacing: f64, height: f64) -> Result<Grid, SensorError> {
     let bounds = world.accel().bounds();
     let (lo, extent) = (bounds.min.as_dvec3(), bounds.extent().as_dvec3());
     let along = |length: f64| (length / spacing).floor().max(0.0) as u64 + 1;
@@ -108,7 +119,7 @@ pub fn grid(world: &World, spacing: f64, height: f64) -> Result<Vec<Sensor>, Sen
     }
     // The lowest floor carries the plane: a table is not one.
     let floor = f64::from(bounds.min.y);
-    let mut sensors = Vec::new();
+    let mut grid = Grid { sensors: Vec::new(), n: n.map(|n| n as u32), places: Vec::new() };
     for j in 0..n[1] {
         for i in 0..n[0] {
             // Centred: the same margin on both sides.
@@ -120,11 +131,12 @@ pub fn grid(world: &World, spacing: f64, height: f64) -> Result<Vec<Sensor>, Sen
             let Some((hit, surface)) = world.closest_visible(&ray) else { continue };
             if hit.t > 0.0 && surface.ng.y > 0.0 {
                 let (position, normal, _) = world.to_file(p.as_vec3(), Vec3::Y);
-                sensors.push(Sensor { position: position.as_dvec3(), normal: normal.as_dvec3() });
+                grid.sensors.push(Sensor { position: position.as_dvec3(), normal: normal.as_dvec3() });
+                grid.places.push((j * n[0] + i) as u32);
             }
         }
     }
-    Ok(sensors)
+    Ok(grid)
 }
 
 impl Sensor {

@@ -38,6 +38,16 @@ pub enum Interpolation {
     Gouraud,
 }
 
+/// What a picture of a solution holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shown {
+    /// Radiance, as a camera sees it.
+    #[default]
+    Radiance,
+    /// The irradiance of surfaces, without what they are made of.
+    Irradiance,
+}
+
 /// A solution ready to be looked at.
 #[derive(Debug)]
 pub struct Display<'a> {
@@ -45,6 +55,7 @@ pub struct Display<'a> {
     /// Irradiance at the corners of each element, in their order.
     corners: Vec<[Spectrum; 4]>,
     straight: Straight,
+    shown: Shown,
 }
 
 impl<'a> Display<'a> {
@@ -55,12 +66,23 @@ impl<'a> Display<'a> {
             Interpolation::Flat => solution.irradiance.iter().map(|h| [spectrum(*h); 4]).collect(),
             Interpolation::Gouraud => corner_values(world, mesh, &solution.irradiance),
         };
-        Self { mesh, corners, straight: Straight { has_backdrop: false, footprint, reflected: Reflected::Often } }
+        Self {
+            mesh,
+            corners,
+            straight: Straight { has_backdrop: false, footprint, reflected: Reflected::Often },
+            shown: Shown::Radiance,
+        }
     }
 
     /// The default light's backdrop stands behind everything.
     pub fn with_backdrop(mut self, has_backdrop: bool) -> Self {
         self.straight.has_backdrop = has_backdrop;
+        self
+    }
+
+    /// What pictures hold.
+    pub fn showing(mut self, shown: Shown) -> Self {
+        self.shown = shown;
         self
     }
 
@@ -73,6 +95,12 @@ impl<'a> Display<'a> {
 
 impl Integrator for Display<'_> {
     fn sample(&self, world: &World, ray: &Ray, _stream: &mut Stream, n_rays: &mut u64) -> Pixel {
+        if self.shown == Shown::Irradiance {
+            *n_rays += 1;
+            let Some((hit, surface)) = world.closest_visible(ray) else { return Pixel::default() };
+            let h = self.irradiance_at(&hit, surface.p, ray.dir).unwrap_or(Spectrum::BLACK);
+            return Pixel { color: h, diffuse: h, indirect: h, alpha: 1.0, ..Pixel::default() };
+        }
         self.straight.sample(world, ray, n_rays, |hit, surface, shading, _| {
             let irradiance = self.irradiance_at(hit, surface.p, ray.dir).unwrap_or(Spectrum::BLACK);
             LocalLight { diffuse: lambertian_radiance(shading.bsdf.diffuse_reflectance(), irradiance), ..LocalLight::default() }
