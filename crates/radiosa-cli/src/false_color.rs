@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use radiosa::export::{ExportError, image};
-use radiosa::film::false_color::{Palette, Scale};
 use radiosa::film::Film;
+use radiosa::film::false_color::{Palette, Scale};
 
 use crate::args::{self, FalseColor, ScaleKind};
 use crate::sheet::label::{self, Style};

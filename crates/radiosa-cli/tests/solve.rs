@@ -115,6 +115,39 @@ fn what_is_kept_is_what_is_shown_and_measured() {
     assert!(info["command"].as_str().is_some_and(|c| c.starts_with("radiosa solve cornell-box")), "{info}");
 }
 
+/// The light of lamps is in pictures once, wherever it comes from, and its share is the direct layer.
+#[test]
+fn lamps_are_as_bright_at_samples_as_on_elements() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let at = dir.path();
+    let scene = r#"
+[material.white]
+lambert = 0.6
+[[shape]]
+name = "walls"
+material = "white"
+box = { min = [0, 0, 0], max = [2, 2, 2], inward = true }
+[light.lamp]
+point = [1, 1.6, 1]
+[camera.main]
+position = [1, 1, 1]
+panoramic = true
+"#;
+    std::fs::write(at.join("room.toml"), scene).expect("it can be written");
+    ok(at, &["solve", "room.toml", "-o", "a.radiosa", "--elements", "2000"]);
+    let show = ["render", "room.toml", "--solution", "a.radiosa", "--size", "64x32", "-o", "x.exr"];
+    let mean = |more: &[&str]| {
+        let report = ok(at, &[&show[..], more].concat());
+        report["mean_radiance"][0].as_f64().expect("a number")
+    };
+    let (sharp, elements) = (mean(&[]), mean(&["--lamps", "elements"]));
+    // Adding the lamp twice, or leaving it out, is off by tens of percents.
+    assert!((sharp / elements - 1.0).abs() < 0.01, "{sharp} and {elements}");
+    let by_ray_casting = ok(at, &["render", "room.toml", "--method", "raycast", "--size", "64x32", "-o", "y.exr"]);
+    let direct = by_ray_casting["mean_radiance"][0].as_f64().expect("a number");
+    assert!(sharp > 1.5 * direct, "light that goes on from wall to wall is missing: {sharp}, {direct}");
+}
+
 #[test]
 fn a_file_that_does_not_fit_is_refused() {
     let dir = tempfile::tempdir().expect("a folder");

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use radiosa::import::Override;
 
 use super::value::{Emitters, Exposure, Size, parse_color, parse_fraction, parse_scale};
-use super::{Radiosity, Show};
+use super::{Lamps, Radiosity, Show};
 
 /// Everything that decides about the light in a picture, whatever is done with it.
 #[derive(Args, Clone, Debug, PartialEq)]
@@ -110,6 +110,10 @@ pub(crate) struct Picture {
     /// Show this solution, made by `solve` of the same scene
     #[arg(long, value_name = "FILE", help_heading = "Radiosity")]
     pub(crate) solution: Option<PathBuf>,
+
+    /// Where pictures of radiosity have the light of points, spots and suns from
+    #[arg(long, value_enum, default_value_t = Lamps::Sharp, help_heading = "Radiosity")]
+    pub(crate) lamps: Lamps,
 
     /// Which quantity of a radiosity solution the picture holds
     #[arg(long, value_enum, default_value_t = Show::Radiance, help_heading = "Radiosity")]

@@ -62,6 +62,14 @@ pub(crate) struct Radiosity {
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Lamps {
+    /// Computed at every sample of a picture, with shadow rays
+    Sharp,
+    /// From the elements, as all other light
+    Elements,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Show {
     /// What a camera sees
     Radiance,

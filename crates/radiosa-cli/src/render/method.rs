@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use radiosa::emitter::EnvironmentShadows;
 use radiosa::film::{self, Film, Layer};
-use radiosa::radiosity::{self, display::Display};
+use radiosa::radiosity::display::{self, Display};
 use radiosa::raytrace::{RayCast, Whitted, adaptive, ray_cast, tiles, whitted};
 use radiosa::scanline::{self, ScanLine};
 use radiosa::scene::{Light, Material, Model};
@@ -126,7 +126,9 @@ pub(crate) fn light(stage: &Stage, picture: &Picture, choice: Choice) -> Lightin
             lighting.extra_lights = settings.extra_lights;
         }
     }
-    if let Some(said) = lighting.ray_cast.lights().note() {
+    if choice.method != Method::Radiosity
+        && let Some(said) = lighting.ray_cast.lights().note()
+    {
         lighting.warnings.push(("emitters", said));
     }
     lighting
@@ -180,15 +182,21 @@ pub(crate) fn draw(
             let settings = crate::solve::settings(&picture.radiosity, picture.seed, &lighting.extra_lights);
             let (solution, solved) =
                 solve::saved_or_solved(world, &settings, picture.solution.as_deref(), &watch.work, &watch.progress)?;
-            let spread = match picture.radiosity.spread {
-                args::Spread::Flat => radiosity::display::Interpolation::Flat,
-                args::Spread::Gouraud => radiosity::display::Interpolation::Gouraud,
+            let display = display::Settings {
+                interpolation: match picture.radiosity.spread {
+                    args::Spread::Flat => display::Interpolation::Flat,
+                    args::Spread::Gouraud => display::Interpolation::Gouraud,
+                },
+                lamps: match picture.lamps {
+                    args::Lamps::Sharp => display::Lamps::Sharp,
+                    args::Lamps::Elements => display::Lamps::Elements,
+                },
+                shown: match picture.show {
+                    args::Show::Radiance => display::Shown::Radiance,
+                    args::Show::Irradiance => display::Shown::Irradiance,
+                },
             };
-            let display = Display::new(world, &solution, spread, footprint(stage, picture))
-                .showing(match picture.show {
-                    args::Show::Radiance => radiosity::display::Shown::Radiance,
-                    args::Show::Irradiance => radiosity::display::Shown::Irradiance,
-                })
+            let display = Display::new(world, &solution, &lighting.extra_lights, display, footprint(stage, picture))
                 .with_backdrop(default_light::has_backdrop(world, &lighting.extra_lights));
             let drawing = trace(&display, stage, picture, lighting, sampling, watch)?;
             Ok(Drawing { done: drawing.done.min(solved), ..drawing })

@@ -58,50 +58,53 @@ impl<'a> DirectLight<'a> {
         self.world.sky().is_some() || !self.hemispheres.is_empty()
     }
 
-    /// Mean irradiance of the exposed part of every element, W/m² or lux.
-    pub fn irradiance(&self, mesh: &ElementMesh) -> Vec<[f64; 3]> {
+    /// Mean irradiance of the exposed part of every element, W/m² or lux: from all lights, and the part that comes from lamps, which have a place or a
+    /// direction.
+    pub fn irradiance(&self, mesh: &ElementMesh) -> [Vec<[f64; 3]>; 2] {
         if self.is_empty() {
-            return vec![[0.0; 3]; mesh.elements().len()];
+            return [(); 2].map(|()| vec![[0.0; 3]; mesh.elements().len()]);
         }
         let elements = mesh.elements().par_iter().enumerate();
-        elements.map(|(i, element)| self.of_element(mesh, i as u64, element)).collect()
+        let (all, lamps) = elements.map(|(i, element)| self.of_element(mesh, i as u64, element)).unzip();
+        [all, lamps]
     }
 
-    fn of_element(&self, mesh: &ElementMesh, i: u64, element: &Element) -> [f64; 3] {
+    fn of_element(&self, mesh: &ElementMesh, i: u64, element: &Element) -> ([f64; 3], [f64; 3]) {
         let key = rng::key(&[self.seed, i, 0x6469_7265]);
         let surface = |k: u32| {
             let u = sequence::point_2d(k, key);
             mesh.surface(self.world, element, [f64::from(u.x), f64::from(u.y)])
         };
         let n = element.normal.as_vec3();
-        let mut sum = [0.0f64; 3];
+        let mut lamps = [0.0f64; 3];
         if self.has_lights {
             let (mut low, mut high) = (f32::INFINITY, 0.0f32);
             let mut taken = 0;
             for n_points in POINTS {
                 for k in taken..n_points {
-                    let h = self.of_lights(&surface(k), n);
+                    let h = self.of_lamps(&surface(k), n);
                     (low, high) = (low.min(h.luminance()), high.max(h.luminance()));
-                    [h.r, h.g, h.b].into_iter().zip(&mut sum).for_each(|(h, s)| *s += f64::from(h));
+                    [h.r, h.g, h.b].into_iter().zip(&mut lamps).for_each(|(h, s)| *s += f64::from(h));
                 }
                 taken = n_points;
                 if high - low <= 0.1 * high {
                     break;
                 }
             }
-            sum = sum.map(|s| s / f64::from(taken));
+            lamps = lamps.map(|s| s / f64::from(taken));
         }
+        let mut all = lamps;
         if self.has_sky() {
             let sky = (0..SKY_RAYS).map(|k| self.of_sky(&surface(k), n, k, key)).sum::<Spectrum>() * (1.0 / SKY_RAYS as f32);
-            [sky.r, sky.g, sky.b].into_iter().zip(&mut sum).for_each(|(h, s)| *s += f64::from(h));
+            [sky.r, sky.g, sky.b].into_iter().zip(&mut all).for_each(|(h, s)| *s += f64::from(h));
         }
         let exposed = element.exposed().max(1e-6);
-        sum.map(|s| s / exposed)
+        (all.map(|s| s / exposed), lamps.map(|s| s / exposed))
     }
 
     /// The irradiance at a point, seen from the side of `n` (unit); `key` names the sensor.
     pub fn at(&self, surface: &Surface, n: Vec3, key: u64) -> Spectrum {
-        let mut sum = if self.has_lights { self.of_lights(surface, n) } else { Spectrum::BLACK };
+        let mut sum = if self.has_lights { self.of_lamps(surface, n) } else { Spectrum::BLACK };
         if self.has_sky() {
             let rays = 4 * SKY_RAYS;
             sum += (0..rays).map(|k| self.of_sky(surface, n, k, key)).sum::<Spectrum>() * (1.0 / rays as f32);
@@ -111,12 +114,17 @@ impl<'a> DirectLight<'a> {
 
     /// Some light with a place or a direction sees a point on the side of `n` (unit).
     pub fn reaches(&self, surface: &Surface, n: Vec3) -> bool {
-        self.has_lights && !self.of_lights(surface, n).is_black()
+        self.has_lights && !self.of_lamps(surface, n).is_black()
     }
 
-    /// Lights with a place or a direction.
-    fn of_lights(&self, surface: &Surface, n: Vec3) -> Spectrum {
+    /// The irradiance at a point from lamps alone, seen from the side of `n` (unit).
+    pub fn of_lamps(&self, surface: &Surface, n: Vec3) -> Spectrum {
         self.lights.irradiance(self.world, surface, n)
+    }
+
+    /// Some lights are lamps.
+    pub fn has_lamps(&self) -> bool {
+        self.has_lights
     }
 
     /// One ray of a cosine-weighted set: `E = π · mean L`.

@@ -1,15 +1,20 @@
 //! A solution seen from somewhere: irradiance interpolated between the corners of elements, times what the surface reflects there.
 //!
 //! ```text
-//! L = L_e + ρ(x)/π · Σ_corners w_k H_k
+//! L = L_e + ρ(x)/π · (D(x) + Σ_corners w_k (H_k − D_k))
 //! ```
+//!
+//! D is the light of lamps (points, spots, suns), whose shadows are sharper than elements are small: it is computed for every picture sample, or taken from the elements
+//! too ([`Lamps`]).
 //!
 //! Irradiance and not radiosity is interpolated, so that textures keep their own detail. Corner values are extrapolated from the elements around: across a
 //! patch by its rows and columns, and averaged with those of neighbours that continue the surface, but not across creases. A side that takes no part in the
 //! solution is black.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 
+use super::direct::DirectLight;
 use super::mesh::ElementMesh;
 use super::sides::Side;
 use super::solution::Solution;
@@ -18,9 +23,9 @@ use crate::film::Pixel;
 use crate::math::{DVec3, Ray, Vec3};
 use crate::radiometry::lambertian_radiance;
 use crate::sampling::Stream;
-use crate::scene::Geometry;
+use crate::scene::{Geometry, Light};
 use crate::spectrum::Spectrum;
-use crate::transport::eye::{Reflected, Straight};
+use crate::transport::eye::Straight;
 use crate::transport::{Footprint, Integrator, LocalLight, World};
 
 /// Cosine of the angle up to which faces of a mesh with vertex normals are one smooth surface.
@@ -38,6 +43,27 @@ pub enum Interpolation {
     Gouraud,
 }
 
+/// Where pictures have the light of lamps from, which have a place or a direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Lamps {
+    /// Computed at every sample, with shadow rays.
+    #[default]
+    Sharp,
+    /// From the elements, as all other light.
+    Elements,
+}
+
+/// How a solution is displayed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Settings {
+    /// How values are spread over elements.
+    pub interpolation: Interpolation,
+    /// Where the light of lamps comes from.
+    pub lamps: Lamps,
+    /// What pictures hold.
+    pub shown: Shown,
+}
+
 /// What a picture of a solution holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shown {
@@ -52,26 +78,38 @@ pub enum Shown {
 #[derive(Debug)]
 pub struct Display<'a> {
     mesh: &'a ElementMesh,
-    /// Irradiance at the corners of each element, in their order.
+    /// Irradiance at the corners of each element, in their order, but for what comes from `lamps`.
     corners: Vec<[Spectrum; 4]>,
+    lamps: Option<DirectLight<'a>>,
     straight: Straight,
     shown: Shown,
 }
 
 impl<'a> Display<'a> {
-    /// Spreads the irradiance of a solution over its elements.
-    pub fn new(world: &World, solution: &'a Solution, interpolation: Interpolation, footprint: Footprint) -> Self {
+    /// Spreads the irradiance of a solution over its elements. `extra_lights` are those it was solved with beside the scene's own.
+    pub fn new(
+        world: &'a World,
+        solution: &'a Solution,
+        extra_lights: &[Light],
+        settings: Settings,
+        footprint: Footprint,
+    ) -> Self {
         let mesh = &solution.mesh;
-        let corners = match interpolation {
-            Interpolation::Flat => solution.irradiance.iter().map(|h| [spectrum(*h); 4]).collect(),
-            Interpolation::Gouraud => corner_values(world, mesh, &solution.irradiance),
+        let lamps = DirectLight::new(world, extra_lights, 0);
+        let of_lamps = &solution.system.lamps;
+        let is_sharp = settings.lamps == Lamps::Sharp && lamps.has_lamps() && !of_lamps.is_empty();
+        let without = |(h, d): (&[f64; 3], &[f64; 3])| std::array::from_fn(|c| (h[c] - d[c]).max(0.0));
+        let irradiance: Cow<[[f64; 3]]> = if is_sharp {
+            solution.irradiance.iter().zip(of_lamps).map(without).collect()
+        } else {
+            Cow::Borrowed(&solution.irradiance)
         };
-        Self {
-            mesh,
-            corners,
-            straight: Straight { has_backdrop: false, footprint, reflected: Reflected::Often },
-            shown: Shown::Radiance,
-        }
+        let corners = match settings.interpolation {
+            Interpolation::Flat => irradiance.iter().map(|h| [spectrum(*h); 4]).collect(),
+            Interpolation::Gouraud => corner_values(world, mesh, &irradiance),
+        };
+        let straight = Straight { has_backdrop: false, footprint };
+        Self { mesh, corners, lamps: is_sharp.then_some(lamps), straight, shown: settings.shown }
     }
 
     /// The default light's backdrop stands behind everything.
@@ -80,13 +118,8 @@ impl<'a> Display<'a> {
         self
     }
 
-    /// What pictures hold.
-    pub fn showing(mut self, shown: Shown) -> Self {
-        self.shown = shown;
-        self
-    }
-
-    /// H where a ray of direction `dir` met the surface at `p`, interpolated; `None` on a side that takes no part.
+    /// H where a ray of direction `dir` met the surface at `p`, interpolated; `None` on a side that takes no part. Without the light of lamps where that
+    /// is computed for every sample.
     pub fn irradiance_at(&self, hit: &Hit, p: Vec3, dir: Vec3) -> Option<Spectrum> {
         let (element, weights) = self.mesh.weights_at(hit, p, dir)?;
         Some(self.corners[element as usize].iter().zip(weights).map(|(h, w)| *h * w).sum())
@@ -98,12 +131,20 @@ impl Integrator for Display<'_> {
         if self.shown == Shown::Irradiance {
             *n_rays += 1;
             let Some((hit, surface)) = world.closest_visible(ray) else { return Pixel::default() };
-            let h = self.irradiance_at(&hit, surface.p, ray.dir).unwrap_or(Spectrum::BLACK);
-            return Pixel { color: h, diffuse: h, indirect: h, alpha: 1.0, ..Pixel::default() };
+            let n = world.shading(&surface, -ray.dir).n;
+            let indirect = self.irradiance_at(&hit, surface.p, ray.dir).unwrap_or(Spectrum::BLACK);
+            let direct = self.lamps.as_ref().map_or(Spectrum::BLACK, |lamps| lamps.of_lamps(&surface, n));
+            let h = direct + indirect;
+            return Pixel { color: h, diffuse: h, direct, indirect, alpha: 1.0, ..Pixel::default() };
         }
-        self.straight.sample(world, ray, n_rays, |hit, surface, shading, _| {
-            let irradiance = self.irradiance_at(hit, surface.p, ray.dir).unwrap_or(Spectrum::BLACK);
-            LocalLight { diffuse: lambertian_radiance(shading.bsdf.diffuse_reflectance(), irradiance), ..LocalLight::default() }
+        self.straight.sample(world, ray, n_rays, |hit, surface, shading, n_rays| {
+            let reflected = |irradiance| lambertian_radiance(shading.bsdf.diffuse_reflectance(), irradiance);
+            let indirect = reflected(self.irradiance_at(hit, surface.p, ray.dir).unwrap_or(Spectrum::BLACK));
+            let direct = self.lamps.as_ref().map_or(Spectrum::BLACK, |lamps| {
+                *n_rays += 1;
+                reflected(lamps.of_lamps(surface, shading.n))
+            });
+            (LocalLight { diffuse: direct + indirect, ..LocalLight::default() }, indirect)
         })
     }
 }

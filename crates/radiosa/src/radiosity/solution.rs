@@ -73,18 +73,20 @@ impl Solution {
 pub fn system(world: &World, mesh: &ElementMesh, direct: &DirectLight) -> System {
     let rgb = |s: Spectrum| [s.r, s.g, s.b].map(f64::from);
     let matter: Vec<_> = mesh.elements().par_iter().map(|e| mesh.matter(world, e)).collect();
+    let [all, lamps] = direct.irradiance(mesh);
     let mut system = System {
         area: mesh.elements().iter().map(|e| e.area).collect(),
         // Beyond one nothing would converge.
         reflectance: matter.iter().map(|m| rgb(m.reflectance).map(|r| r.clamp(0.0, 1.0))).collect(),
         emission: matter.iter().map(|m| rgb(m.emission)).collect(),
-        direct: direct.irradiance(mesh),
+        direct: all,
+        lamps: if direct.has_lamps() { lamps } else { Vec::new() },
     };
     // Slivers of no area have no normal, and nothing that depends on one.
     for (i, element) in mesh.elements().iter().enumerate() {
         let values = [&mut system.reflectance[i], &mut system.emission[i], &mut system.direct[i]];
         if !element.normal.is_finite() || values.iter().any(|v| v.iter().any(|v| !v.is_finite())) {
-            values.into_iter().for_each(|v| *v = [0.0; 3]);
+            values.into_iter().chain(system.lamps.get_mut(i)).for_each(|v| *v = [0.0; 3]);
         }
     }
     system

@@ -77,9 +77,10 @@ impl Solution {
     /// When the stream cannot take it.
     pub fn store(&self, out: &mut Out) -> io::Result<()> {
         self.mesh.record().store(out)?;
-        let System { area, reflectance, emission, direct } = &self.system;
+        let System { area, reflectance, emission, direct, lamps } = &self.system;
         out.array(area)?;
-        for column in [reflectance, emission, direct, &self.radiosity, &self.irradiance, &self.unshot, &self.irradiance_error] {
+        let ours = [&self.radiosity, &self.irradiance, &self.unshot, &self.irradiance_error];
+        for column in [reflectance, emission, direct].into_iter().chain(ours).chain([lamps]) {
             out.array(column)?;
         }
         out.array(&self.row_sums)?;
@@ -114,10 +115,12 @@ impl Solution {
         for column in &mut columns {
             *column = from.array(n)?;
         }
-        let irradiance_error = from.any_array()?;
-        if !irradiance_error.is_empty() && irradiance_error.len() != n {
-            return Err(wrong("an array has another length than it should"));
-        }
+        let mut or_none = || {
+            let column: Vec<[f64; 3]> = from.any_array()?;
+            let fits = column.is_empty() || column.len() == n;
+            if fits { Ok(column) } else { Err(wrong("an array has another length than it should")) }
+        };
+        let (irradiance_error, lamps) = (or_none()?, or_none()?);
         let [reflectance, emission, direct, radiosity, irradiance, unshot] = columns;
         let row_sums = from.array(n)?;
         let n_factors = from.number()? as usize;
@@ -137,7 +140,7 @@ impl Solution {
                 n_rays: counts[4],
             });
         }
-        let system = System { area, reflectance, emission, direct };
+        let system = System { area, reflectance, emission, direct, lamps };
         Ok(Self { mesh, system, radiosity, irradiance, unshot, irradiance_error, row_sums, n_factors, balance, history })
     }
 }

@@ -28,6 +28,8 @@ pub struct System {
     pub emission: Vec<[f64; 3]>,
     /// D_i: irradiance from lights that are not surfaces.
     pub direct: Vec<[f64; 3]>,
+    /// The part of D_i from lamps, which have a place or a direction: pictures may have it sharper. Empty where there are none.
+    pub lamps: Vec<[f64; 3]>,
 }
 
 /// Power by where it goes, W or lm, by channel: emitted = absorbed + escaped + unshot, once every part is measured.

@@ -8,7 +8,8 @@ use crate::film::Pixel;
 use crate::math::{Ray, Vec3};
 use crate::sampling::Stream;
 use crate::scene::Light;
-use crate::transport::eye::{Reflected, Straight};
+use crate::spectrum::Spectrum;
+use crate::transport::eye::Straight;
 use crate::transport::{Footprint, Integrator, LightSettings, Lights, Viewer, World, default_light};
 
 /// What ray casting can be asked for.
@@ -61,7 +62,6 @@ impl RayCast {
             straight: Straight {
                 has_backdrop: default_light::has_backdrop(world, &settings.extra_lights),
                 footprint: settings.footprint,
-                reflected: Reflected::Once,
             },
         }
     }
@@ -78,7 +78,7 @@ impl Integrator for RayCast {
             if self.viewer == Viewer::Infinite {
                 shading.wo = self.to_viewer;
             }
-            self.lights.at(world, surface, &shading, self.shadows, n_rays)
+            (self.lights.at(world, surface, &shading, self.shadows, n_rays), Spectrum::BLACK)
         })
     }
 }

@@ -11,15 +11,6 @@ pub(crate) const NEGLIGIBLE: f32 = 1.0 / 1024.0;
 /// Transparent surfaces a ray passes at most; a pile of this many hides the rest.
 pub(crate) const BEHIND_MAX: u32 = 256;
 
-/// How far reflected light has come, for methods that follow the eye's ray straight on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Reflected {
-    /// From lamps to the surface and to the eye: direct.
-    Once,
-    /// From surface to surface before: indirect.
-    Often,
-}
-
 /// The ray from the eye, straight through what is partly transparent, by alpha or by transmission.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Straight {
@@ -27,18 +18,16 @@ pub(crate) struct Straight {
     pub(crate) has_backdrop: bool,
     /// How wide a camera sample is.
     pub(crate) footprint: Footprint,
-    /// What `light` gives.
-    pub(crate) reflected: Reflected,
 }
 
 impl Straight {
-    /// One camera sample; `light` says what a surface reflects. `n_rays` grows by the rays traced.
+    /// One camera sample; `light` says what a surface reflects, and which part of the diffuse light went from surface to surface before. `n_rays` grows by the rays traced.
     pub(crate) fn sample(
         &self,
         world: &World,
         ray: &Ray,
         n_rays: &mut u64,
-        mut light: impl FnMut(&Hit, &Surface, Shading, &mut u64) -> LocalLight,
+        mut light: impl FnMut(&Hit, &Surface, Shading, &mut u64) -> (LocalLight, Spectrum),
     ) -> Pixel {
         let mut pixel = Pixel::default();
         let mut ray = *ray;
@@ -67,7 +56,7 @@ impl Straight {
             let (glass, coverage) = (shading.straight_transmission(), shading.coverage);
             let weight = open * coverage;
             let emission = weight * (shading.emission + shading.bsdf.unlit().unwrap_or(Spectrum::BLACK));
-            let light = light(&hit, &surface, shading, n_rays);
+            let (light, indirect) = light(&hit, &surface, shading, n_rays);
             let (ambient, diffuse, specular) = (weight * light.ambient, weight * light.diffuse, weight * light.specular);
             if through_glass {
                 pixel.refraction += ambient + diffuse + specular + emission;
@@ -78,12 +67,10 @@ impl Straight {
                 pixel.specular += specular;
                 pixel.emission += emission;
             }
-            *(match self.reflected {
-                Reflected::Once => &mut pixel.direct,
-                Reflected::Often => &mut pixel.indirect,
-            }) += diffuse + specular;
+            let indirect = weight * indirect;
+            pixel.direct += (diffuse - indirect) + specular;
             // Ambient light stands for what was reflected before.
-            pixel.indirect += ambient;
+            pixel.indirect += ambient + indirect;
             pixel.color += ambient + diffuse + specular + emission;
 
             through_glass |= !glass.is_black();
