@@ -8,7 +8,7 @@ use crate::args::{Order, Radiosity, Solver};
 /// What the options ask for.
 pub(crate) fn settings(options: &Radiosity, seed: u64, extra_lights: &[Light]) -> radiosity::Settings {
     radiosity::Settings {
-        mesh: mesh::Settings { elements: options.elements, size: options.element_size, sides: mesh::Sides::Lit },
+        mesh: mesh::Settings { elements: options.elements, size: options.element_size, ..mesh::Settings::default() },
         solver: match options.solver {
             Solver::Auto => solve::Solver::Auto,
             Solver::Jacobi => solve::Solver::Jacobi,
