@@ -10,9 +10,9 @@
 
 use std::collections::HashMap;
 
+use super::corners;
 use super::mesh::ElementMesh;
 use super::sides::Side;
-use super::slopes;
 use super::solution::Solution;
 use crate::accel::Hit;
 use crate::film::Pixel;
@@ -97,7 +97,7 @@ pub(super) fn corner_values(world: &World, mesh: &ElementMesh, values: &[[f64; 3
             let cells: Vec<Cell> = weighed.map(|(value, e)| Cell { value: *value, weight: e.exposed() }).collect();
             let out = &mut corners[range];
             if mesh.is_split(patch_index) {
-                slopes::extrapolate(world, mesh, first as usize, values, out);
+                corners::extrapolate(world, mesh, first as usize, values, out);
             } else if patch.is_quad() {
                 of_quad(n, &cells, side, out);
             } else {
@@ -220,7 +220,7 @@ fn join(world: &World, mesh: &ElementMesh, corners: &mut [[Spectrum; 4]]) {
                             let same = mesh.patches()[b.patch as usize].instance == instance;
                             a.normal.dot(b.normal) > if smooth[instance.index()] && same { SMOOTH } else { COPLANAR }
                         }
-                        && slopes::is_open(world, mesh, [a, b], a.corners()[usize::from(k)]);
+                        && corners::is_open(world, mesh, [a, b], a.corners()[usize::from(k)]);
                 if together {
                     sum += old[other];
                     n += 1.0;

@@ -23,6 +23,9 @@ use crate::transport::{Surface, World};
 /// Rays of one sensor, about, beside one for each element; and at most to one element.
 const RAYS: [f64; 2] = [2048.0, 512.0];
 
+/// Rays to what the horizon crosses, in place of the one to a centre that lies below.
+const AT_HORIZON: u32 = 16;
+
 /// What arrives at a sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Arriving {
@@ -151,15 +154,22 @@ impl<'a> Gather<'a> {
         let (en, lift) = (element.normal.as_vec3(), element.lift());
         scratch.lines.rays.clear();
         scratch.kernel.clear();
-        for k in 0..n_rays {
-            let u = if n_rays == 1 { [0.5; 2] } else { sequence::point_2d(k, key).to_array().map(f64::from) };
+        let mut add = |u: [f64; 2]| {
             let [s, t, side] = piece.place;
             let d = lift.in_front(element.at([s + side * u[0], t + side * u[1]])) - from;
             let r2 = f64::from(d.length_squared());
             let kernel = normal.dot(d.as_dvec3()).max(0.0) * f64::from((-en.dot(d)).max(0.0)) / (r2 * r2);
-            if kernel > 0.0 && kernel.is_finite() {
+            let counts = kernel > 0.0 && kernel.is_finite();
+            if counts {
                 scratch.lines.rays.push(Ray { origin: from, dir: d, t_max: 1.0 });
                 scratch.kernel.push(kernel);
+            }
+            counts
+        };
+        // Where the horizon crosses the piece its centre may lie below.
+        if n_rays > 1 || !add([0.5; 2]) {
+            for k in 0..if n_rays > 1 { n_rays } else { AT_HORIZON } {
+                add(sequence::point_2d(k, key).to_array().map(f64::from));
             }
         }
         scratch.lines.trace(self.world);

@@ -16,6 +16,7 @@
 
 pub mod between;
 mod contacts;
+mod corners;
 pub mod direct;
 pub mod display;
 mod exposure;
@@ -27,7 +28,6 @@ pub mod mesh;
 pub mod patch;
 pub mod refine;
 mod sides;
-mod slopes;
 pub mod solution;
 pub mod solve;
 pub mod system;

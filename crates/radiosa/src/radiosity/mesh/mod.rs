@@ -360,7 +360,7 @@ impl ElementMesh {
         self.splits[element.patch as usize].as_ref().is_some_and(|s| s.pieces.contains_key(&element.cell))
     }
 
-    /// The elements just across the middle of every edge; the element itself where there are none.
+    /// The elements just across the middle of every edge, in the order of edges; the element itself where there are none.
     pub(super) fn neighbours(&self, element: &Element) -> impl Iterator<Item = usize> {
         let c = element.corners();
         let across = move |k: usize| {
