@@ -60,8 +60,9 @@ impl<'a> Boxes<'a> {
         Self { bounds, order: which, nodes }
     }
 
-    /// Calls `found` for every box that touches `of`.
-    pub(super) fn touching(&self, of: &Box3, mut found: impl FnMut(u32)) {
+    /// Calls `found` for every box that touches `of`, but for no more than about `most`.
+    pub(super) fn touching(&self, of: &Box3, most: usize, mut found: impl FnMut(u32)) {
+        let mut n = 0;
         let mut waiting = vec![(0, 0..self.order.len())];
         while let Some((node, range)) = waiting.pop() {
             let (around, upper) = self.nodes[node];
@@ -69,7 +70,13 @@ impl<'a> Boxes<'a> {
                 continue;
             }
             if range.len() <= LEAF {
-                self.order[range].iter().filter(|&&i| self.bounds[i as usize].touches(of)).for_each(|&i| found(i));
+                for &i in self.order[range].iter().filter(|&&i| self.bounds[i as usize].touches(of)) {
+                    n += 1;
+                    found(i);
+                }
+                if n >= most {
+                    return;
+                }
                 continue;
             }
             let middle = range.start + range.len() / 2;
@@ -117,7 +124,7 @@ mod tests {
             let boxes = Boxes::new(&bounds[..n], (0..n as u32).collect());
             for of in &bounds {
                 let mut found = Vec::new();
-                boxes.touching(of, |i| found.push(i));
+                boxes.touching(of, usize::MAX, |i| found.push(i));
                 found.sort_unstable();
                 let truth: Vec<u32> = (0..n as u32).filter(|&i| bounds[i as usize].touches(of)).collect();
                 assert_eq!(found, truth, "of {n}");

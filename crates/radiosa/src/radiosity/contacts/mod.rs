@@ -31,6 +31,10 @@ const MAX_PIECES: usize = 32;
 /// Steps along a contact in which the cells are looked for, and how many.
 const STEP: f64 = 1.0 / 16.0;
 const MAX_STEPS: f64 = 1e5;
+/// Pairs of patches that are tried, about, but so many of each patch at least; and patches whose contacts are looked for before the smallest go.
+const TESTS: usize = 1 << 26;
+const MIN_TESTS: usize = 1 << 14;
+const CHUNK: usize = 1024;
 /// A cell is cut by a line that has no less than this fraction of its way through it.
 const INSIDE: f64 = 0.05;
 
@@ -51,24 +55,22 @@ pub(super) fn pieces(
     size: f64,
     most: usize,
 ) -> Vec<BTreeMap<u32, Vec<Piece>>> {
-    let mut contacts = contacts(patches, kept, size);
-    // Beyond what may be spent the smallest go.
-    let cost = |c: &Contact| (c.to - c.from).length() / size + 1.0;
-    let mut order: Vec<(usize, usize)> = (0..patches.len()).flat_map(|p| (0..contacts[p].len()).map(move |k| (p, k))).collect();
-    order.sort_by(|&(p, k), &(q, l)| contacts[q][l].area.total_cmp(&contacts[p][k].area));
-    let (mut left, mut is_kept) = (most as f64, contacts.iter().map(|c| vec![false; c.len()]).collect::<Vec<_>>());
-    for (p, k) in order {
-        left -= cost(&contacts[p][k]);
-        is_kept[p][k] = left >= 0.0;
+    let mut contacts_of = vec![Vec::new(); patches.len()];
+    let mut left = most as f64;
+    for (p, contact) in contacts(patches, kept, size, most) {
+        left -= (contact.to - contact.from).length() / size + 1.0;
+        if left < 0.0 {
+            break;
+        }
+        contacts_of[p as usize].push(contact);
     }
-    for (contacts, is_kept) in contacts.iter_mut().zip(is_kept) {
-        let mut is_kept = is_kept.into_iter();
-        contacts.retain(|_| is_kept.next().unwrap_or(false));
-        // The longest first: shorter ones end at them.
-        contacts.sort_by(|a, b| (b.to - b.from).length().total_cmp(&(a.to - a.from).length()));
-    }
-    let of_patch =
-        |p: usize| if contacts[p].is_empty() { BTreeMap::new() } else { cut(&patches[p], grids[p], &contacts[p], size) };
+    // The longest first: shorter ones end at them.
+    let length = |c: &Contact| (c.to - c.from).length();
+    contacts_of.iter_mut().for_each(|contacts| contacts.sort_by(|a, b| length(b).total_cmp(&length(a))));
+    let of_patch = |p: usize| match &contacts_of[p][..] {
+        [] => BTreeMap::new(),
+        contacts => cut(&patches[p], grids[p], contacts, size),
+    };
     (0..patches.len()).into_par_iter().map(of_patch).collect()
 }
 
@@ -83,24 +85,31 @@ pub(super) fn piece_at(pieces: &[Piece], p: DVec3) -> usize {
     (0..pieces.len()).max_by(|&a, &b| inside[a].total_cmp(&inside[b]).then(b.cmp(&a))).unwrap_or(0)
 }
 
-/// The contacts on every patch that count.
-fn contacts(patches: &[Patch], kept: &[[bool; 2]], size: f64) -> Vec<Vec<Contact>> {
+/// The contacts that count with their patches, at most `most`: the larger the surface that rises from them, the earlier.
+fn contacts(patches: &[Patch], kept: &[[bool; 2]], size: f64, most: usize) -> Vec<(u32, Contact)> {
     let bounds: Vec<Box3> = patches.iter().map(|patch| Box3::of(patch.corners())).collect();
-    let is_large = |p: usize| bounds[p].diagonal() >= LONG * size && bounds[p].is_finite();
-    let large: Vec<u32> = (0..patches.len()).filter(|&p| is_large(p)).map(|p| p as u32).collect();
-    let boxes = Boxes::new(&bounds, large);
-    let of_patch = |p: usize| {
+    let is_large = |p: &u32| bounds[*p as usize].diagonal() >= LONG * size && bounds[*p as usize].is_finite();
+    let large: Vec<u32> = (0..patches.len() as u32).filter(is_large).collect();
+    let boxes = Boxes::new(&bounds, large.clone());
+    let tests = MIN_TESTS.max(TESTS / large.len().max(1));
+    let of_patch = |&p: &u32| {
         let mut found = Vec::new();
-        if kept[p] != [false; 2] && is_large(p) {
-            boxes.touching(&bounds[p].grown(NEAR * size), |q| {
-                if q as usize != p {
-                    found.extend(contact(patches[p].corners(), patches[q as usize].corners(), size));
-                }
+        if kept[p as usize] != [false; 2] {
+            boxes.touching(&bounds[p as usize].grown(NEAR * size), tests, |q| {
+                let contact = contact(patches[p as usize].corners(), patches[q as usize].corners(), size);
+                found.extend(contact.filter(|_| q != p).map(|contact| (p, contact)));
             });
         }
         found
     };
-    (0..patches.len()).into_par_iter().map(of_patch).collect()
+    let mut all: Vec<(u32, Contact)> = Vec::new();
+    // Some at a time, so that surfaces that all pierce each other need no more memory than there is.
+    for large in large.chunks(CHUNK) {
+        all.extend(large.par_iter().flat_map_iter(of_patch).collect::<Vec<_>>());
+        all.sort_by(|(_, a), (_, b)| b.area.total_cmp(&a.area));
+        all.truncate(most);
+    }
+    all
 }
 
 /// Where the polygon `q` touches or pierces the polygon `p`, if that counts.
