@@ -55,6 +55,8 @@ fn factors(args: &Args, json: bool) -> Result<ExitCode, Error> {
         elements: args.elements.unwrap_or(0),
         size: args.size,
         sides: if args.two_sided { Sides::Both } else { Sides::Front },
+        // Rows are of whole patches or cells.
+        cuts_contacts: false,
     };
     let mesh = ElementMesh::new(&world, &settings, &radiosa::radiosity::direct::DirectLight::new(&world, &[], 0));
     if mesh.elements().len() > MAX_ELEMENTS {

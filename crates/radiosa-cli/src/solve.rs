@@ -24,7 +24,7 @@ use crate::render::{plan, with_threads};
 /// What the options ask for.
 pub(crate) fn settings(options: &Radiosity, seed: u64, extra_lights: &[Light]) -> Settings {
     Settings {
-        mesh: mesh::Settings { elements: options.elements, size: options.element_size, sides: mesh::Sides::Lit },
+        mesh: mesh::Settings { elements: options.elements, size: options.element_size, ..mesh::Settings::default() },
         solver: match options.solver {
             Solver::Auto => solve::Solver::Auto,
             Solver::Jacobi => solve::Solver::Jacobi,

@@ -117,7 +117,7 @@ fn exact(tolerance: f64) -> Estimator {
 /// One element for each face, or cells of `size`; fronts only.
 fn settings(solver: Method, size: Option<f64>, tolerance: f64) -> radiosity::Settings {
     radiosity::Settings {
-        mesh: mesh::Settings { elements: 0, size, sides: mesh::Sides::Front },
+        mesh: mesh::Settings { elements: 0, size, sides: mesh::Sides::Front, ..mesh::Settings::default() },
         estimator: exact(tolerance),
         solver,
         stop: Stop { residual: 1e-9, error: 3e-3, ..Stop::default() },
@@ -629,7 +629,7 @@ fn refined_meshes_cover_their_patches_once() {
     let quads = box_faces(DVec3::new(2.0, 1.0, 0.5), &[0.0; 6], &[0.5; 6]);
     for faces in [tetrahedron, quads, sphere(1.0, &[(1.0, 0.0, 0.5)], 8)] {
         let world = world(&faces, Vec::new());
-        let settings = mesh::Settings { elements: 0, size: Some(0.4), sides: mesh::Sides::Both };
+        let settings = mesh::Settings { elements: 0, size: Some(0.4), sides: mesh::Sides::Both, ..mesh::Settings::default() };
         let mut mesh = mesh::ElementMesh::new(&world, &settings, &radiosa::radiosity::direct::DirectLight::new(&world, &[], 0));
         let area = |mesh: &mesh::ElementMesh| mesh.elements().iter().map(|e| e.area).sum::<f64>();
         let whole = area(&mesh);

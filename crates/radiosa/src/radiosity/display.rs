@@ -14,6 +14,7 @@
 use std::borrow::Cow;
 use std::collections::HashMap;
 
+use super::corners;
 use super::direct::DirectLight;
 use super::mesh::ElementMesh;
 use super::sides::Side;
@@ -165,8 +166,7 @@ pub fn corner_values(world: &World, mesh: &ElementMesh, values: &[[f64; 3]]) -> 
             let cells: Vec<Cell> = weighed.map(|(value, e)| Cell { value: *value, weight: e.exposed() }).collect();
             let out = &mut corners[range];
             if mesh.is_split(patch_index) {
-                // Corners of parts of different sizes: means of what meets there ([`join`]).
-                out.iter_mut().zip(&cells).for_each(|(corners, cell)| *corners = [spectrum(cell.value); 4]);
+                corners::extrapolate(world, mesh, first as usize, values, out);
             } else if patch.is_quad() {
                 of_quad(n, &cells, side, out);
             } else {
@@ -284,10 +284,12 @@ fn join(world: &World, mesh: &ElementMesh, corners: &mut [[Spectrum; 4]]) {
             for (other, &(f, _)) in place.iter().enumerate() {
                 let b = &elements[f as usize];
                 let together = other == own
-                    || b.exposed() > 0.0 && {
-                        let same = mesh.patches()[b.patch as usize].instance == instance;
-                        a.normal.dot(b.normal) > if smooth[instance.index()] && same { SMOOTH } else { COPLANAR }
-                    };
+                    || b.exposed() > 0.0
+                        && {
+                            let same = mesh.patches()[b.patch as usize].instance == instance;
+                            a.normal.dot(b.normal) > if smooth[instance.index()] && same { SMOOTH } else { COPLANAR }
+                        }
+                        && corners::is_open(world, mesh, [a, b], a.corners()[usize::from(k)]);
                 if together {
                     sum += old[other];
                     n += 1.0;

@@ -13,7 +13,9 @@ use super::direct::DirectLight;
 use super::display;
 use super::form_factor::analytic;
 use super::form_factor::visibility::Lines;
+use super::mesh::Element;
 use super::solution::Solution;
+use crate::math::polygon::clip;
 use crate::math::rounding::offset_origin;
 use crate::math::{DVec3, Ray, Vec3};
 use crate::sampling::{rng, sequence};
@@ -71,7 +73,7 @@ pub struct Scratch {
 impl<'a> Gather<'a> {
     /// Prepares the bounds of every element.
     pub fn new(world: &'a World, solution: &'a Solution, extra_lights: &[crate::scene::Light], seed: u64) -> Self {
-        let bound = |e: &super::mesh::Element| {
+        let bound = |e: &Element| {
             let centre = e.centre();
             (centre, e.corners().iter().map(|c| (*c - centre).length()).fold(0.0, f64::max))
         };
@@ -151,16 +153,26 @@ impl<'a> Gather<'a> {
         let (en, lift) = (element.normal.as_vec3(), element.lift());
         scratch.lines.rays.clear();
         scratch.kernel.clear();
-        for k in 0..n_rays {
-            let u = if n_rays == 1 { [0.5; 2] } else { sequence::point_2d(k, key).to_array().map(f64::from) };
-            let [s, t, side] = piece.place;
-            let d = lift.in_front(element.at([s + side * u[0], t + side * u[1]])) - from;
+        let Scratch { lines, kernel: kernels, polygon, .. } = scratch;
+        let mut add = |to: DVec3| {
+            let d = lift.in_front(to) - from;
             let r2 = f64::from(d.length_squared());
             let kernel = normal.dot(d.as_dvec3()).max(0.0) * f64::from((-en.dot(d)).max(0.0)) / (r2 * r2);
-            if kernel > 0.0 && kernel.is_finite() {
-                scratch.lines.rays.push(Ray { origin: from, dir: d, t_max: 1.0 });
-                scratch.kernel.push(kernel);
+            let counts = kernel > 0.0 && kernel.is_finite();
+            if counts {
+                lines.rays.push(Ray { origin: from, dir: d, t_max: 1.0 });
+                kernels.push(kernel);
             }
+            counts
+        };
+        let (spread, mut any) = (if n_rays > 1 { n_rays } else { 0 }, false);
+        let [s, t, side] = piece.place;
+        for k in 0..spread {
+            let u = sequence::point_2d(k, key).to_array().map(f64::from);
+            any |= add(element.at([s + side * u[0], t + side * u[1]]));
+        }
+        if !any {
+            add(middle(element, piece.place, [from.as_dvec3(), normal], polygon));
         }
         scratch.lines.trace(self.world);
         let (mut seen, mut all) = (0.0, 0.0);
@@ -170,4 +182,15 @@ impl<'a> Gather<'a> {
         }
         if all > 0.0 { seen / all } else { 0.0 }
     }
+}
+
+/// The middle of what of a piece of an element lies above the horizon of a point.
+fn middle(element: &Element, [s, t, side]: [f64; 3], [p, normal]: [DVec3; 2], polygon: &mut Vec<DVec3>) -> DVec3 {
+    let part = [[s, t], [s + side, t], [s + side, t + side], [s, t + side]].map(|at| element.at(at));
+    let corners = if side < 1.0 { &part } else { element.corners() };
+    if corners.iter().all(|c| (*c - p).dot(normal) >= 0.0) {
+        return element.at([s + 0.5 * side, t + 0.5 * side]);
+    }
+    clip(corners, p, normal, 0.0, polygon);
+    polygon.iter().sum::<DVec3>() / polygon.len().max(1) as f64
 }

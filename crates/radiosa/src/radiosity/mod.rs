@@ -3,6 +3,7 @@
 //! ```text
 //! World                        its surfaces
 //!   │  patch, sides, mesh      planar patches, the sides light can reach, divided into elements
+//!   │  contacts                which no other surface stands on or goes through
 //!   │  form_factor, matrix     how much of what leaves one element arrives at another
 //!   │  direct, system          what elements are made of, and what lights that are not surfaces bring them
 //!   │  solve                   B = E + ρ F B
@@ -14,6 +15,8 @@
 //! Only diffuse reflection takes part: other lobes are left to methods that trace rays.
 
 pub mod between;
+mod contacts;
+mod corners;
 pub mod direct;
 pub mod display;
 mod exposure;

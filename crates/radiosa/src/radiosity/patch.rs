@@ -76,31 +76,35 @@ impl Patch {
 
     /// The parameters of a point of the patch, up to rounding; within their range wherever the point is.
     pub fn parameters(&self, p: DVec3) -> [f64; 2] {
-        let [a, b, c, d] = self.corners;
-        let n = area_vector(self.corners());
-        // Signed areas in the patch's plane, from which nothing but ratios are used.
-        let cross = |u: DVec3, v: DVec3| u.cross(v).dot(n);
-        let (x, e) = (p - a, b - a);
-        if !self.is_quad {
-            let whole = cross(e, c - a);
-            let (s, t) = ((cross(x, c - a) / whole).clamp(0.0, 1.0), (cross(e, x) / whole).clamp(0.0, 1.0));
-            let over = (s + t).max(1.0);
-            return [s / over, t / over];
-        }
-        // p = a + s e + t f + s t g: eliminating s leaves a quadratic equation for t.
-        let (f, g) = (d - a, a - b + c - d);
-        let (k2, k1, k0) = (cross(g, f), cross(e, f) + cross(x, g), cross(x, e));
-        // (k2 t² + k1 t + k0 = 0, from (x − t f) × (e + t g) = 0)
-        let discriminant = (k1 * k1 - 4.0 * k2 * k0).max(0.0).sqrt();
-        let q = -0.5 * (k1 + if k1 < 0.0 { -discriminant } else { discriminant });
-        let roots = [k0 / q, q / k2];
-        let outside = |t: f64| if t.is_finite() { (t - 0.5).abs() } else { f64::INFINITY };
-        let t = if outside(roots[0]) <= outside(roots[1]) { roots[0] } else { roots[1] };
-        let t = if t.is_finite() { t.clamp(0.0, 1.0) } else { 0.5 };
-        let along = e + g * t;
-        let s = (x - f * t).dot(along) / along.length_squared();
-        [if s.is_finite() { s.clamp(0.0, 1.0) } else { 0.5 }, t]
+        parameters(self.corners, self.is_quad, p)
     }
+}
+
+/// The parameters of a point of a quadrilateral or triangle as [`Patch::at`] takes them.
+pub(super) fn parameters([a, b, c, d]: [DVec3; 4], is_quad: bool, p: DVec3) -> [f64; 2] {
+    let n = if is_quad { area_vector(&[a, b, c, d]) } else { area_vector(&[a, b, c]) };
+    // Signed areas in the patch's plane, from which nothing but ratios are used.
+    let cross = |u: DVec3, v: DVec3| u.cross(v).dot(n);
+    let (x, e) = (p - a, b - a);
+    if !is_quad {
+        let whole = cross(e, c - a);
+        let (s, t) = ((cross(x, c - a) / whole).clamp(0.0, 1.0), (cross(e, x) / whole).clamp(0.0, 1.0));
+        let over = (s + t).max(1.0);
+        return [s / over, t / over];
+    }
+    // p = a + s e + t f + s t g: eliminating s leaves a quadratic equation for t.
+    let (f, g) = (d - a, a - b + c - d);
+    let (k2, k1, k0) = (cross(g, f), cross(e, f) + cross(x, g), cross(x, e));
+    // (k2 t² + k1 t + k0 = 0, from (x − t f) × (e + t g) = 0)
+    let discriminant = (k1 * k1 - 4.0 * k2 * k0).max(0.0).sqrt();
+    let q = -0.5 * (k1 + if k1 < 0.0 { -discriminant } else { discriminant });
+    let roots = [k0 / q, q / k2];
+    let outside = |t: f64| if t.is_finite() { (t - 0.5).abs() } else { f64::INFINITY };
+    let t = if outside(roots[0]) <= outside(roots[1]) { roots[0] } else { roots[1] };
+    let t = if t.is_finite() { t.clamp(0.0, 1.0) } else { 0.5 };
+    let along = e + g * t;
+    let s = (x - f * t).dot(along) / along.length_squared();
+    [if s.is_finite() { s.clamp(0.0, 1.0) } else { 0.5 }, t]
 }
 
 impl Patches {

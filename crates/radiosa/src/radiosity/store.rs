@@ -32,7 +32,8 @@ impl mesh::Record {
             Sides::Both => 1,
             Sides::Front => 2,
         };
-        for number in [MESHING, u64::from(settings.elements), settings.size.unwrap_or(f64::NAN).to_bits(), sides] {
+        let size = settings.size.unwrap_or(f64::NAN).to_bits();
+        for number in [MESHING, u64::from(settings.elements), size, sides, u64::from(settings.cuts_contacts)] {
             out.number(number)?;
         }
         out.array(&kept.iter().map(|k| u8::from(k[0]) | u8::from(k[1]) << 1).collect::<Vec<u8>>())?;
@@ -60,13 +61,14 @@ impl mesh::Record {
             2 => Sides::Front,
             _ => return Err(wrong("it names sides that do not exist")),
         };
+        let cuts_contacts = from.number()? != 0;
         let kept = from.any_array::<u8>()?.into_iter().map(|k| [k & 1 == 1, k & 2 == 2]).collect();
         let mut refined = Vec::new();
         for _ in 0..from.number()?.min(MAX_LEVELS) {
             refined.push(from.any_array::<u8>()?.into_iter().map(|m| m != 0).collect());
         }
         let exposed = from.any_array()?;
-        Ok(Self { settings: mesh::Settings { elements, size, sides }, kept, refined, exposed })
+        Ok(Self { settings: mesh::Settings { elements, size, sides, cuts_contacts }, kept, refined, exposed })
     }
 }
 

@@ -188,10 +188,10 @@ impl<'a> Hemicube<'a> {
 
     /// The cell of a patch that a ray meets; `None` where it meets a side that takes no part.
     fn element_seen(&self, patch: u32, eye: DVec3, dir: DVec3) -> Option<u32> {
-        let grid = &self.mesh.grids()[patch as usize];
+        let n_elements = self.mesh.n_on_side(patch as usize);
         let patch = &self.mesh.patches()[patch as usize];
         let mut p = DVec3::ZERO;
-        if grid.n != [1, 1] {
+        if n_elements > 1 {
             let n = area_vector(patch.corners());
             p = eye + dir * ((patch.corners()[0] - eye).dot(n) / dir.dot(n));
         }

@@ -15,7 +15,6 @@ use super::direct::DirectLight;
 use super::gather::{Gather, Scratch};
 use super::mesh::{Element, ElementMesh};
 use super::solution::{Settings as Solve, Solution};
-use crate::math::DVec3;
 use crate::spectrum::{Spectrum, luminance};
 use crate::transport::World;
 
@@ -90,21 +89,12 @@ pub fn steps(solution: &Solution) -> Vec<f64> {
     let light = |i: usize| luminance(solution.irradiance[i]);
     let elements = solution.mesh.elements().par_iter().enumerate();
     let step = |(i, element): (usize, &Element)| {
-        let steps = neighbours(&solution.mesh, element).map(|j| (light(i) - light(j)).abs());
+        // What is covered is dark, and that is no step.
+        let is_open = |j: &usize| solution.system.area[i] > 0.0 && solution.system.area[*j] > 0.0;
+        let steps = solution.mesh.neighbours(element).filter(is_open).map(|j| (light(i) - light(j)).abs());
         steps.fold(0.0, f64::max) * luminance(solution.system.reflectance[i]) / scale
     };
     elements.map(step).collect()
-}
-
-/// The elements just across the middle of every edge; the element itself where there are none.
-fn neighbours(mesh: &ElementMesh, element: &Element) -> impl Iterator<Item = usize> {
-    let c = element.corners();
-    let across = move |k: usize| {
-        let (a, b) = (c[k], c[(k + 1) % c.len()]);
-        let outwards: DVec3 = (b - a).cross(element.normal);
-        (a + b) * 0.5 + outwards.normalize_or_zero() * (1e-3 * element.area.sqrt())
-    };
-    (0..c.len()).filter_map(move |k| mesh.element_on(element.patch, element.side, across(k))).map(|j| j as usize)
 }
 
 /// Mean luminance of `ρ H` over all surfaces.

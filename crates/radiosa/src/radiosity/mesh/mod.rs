@@ -1,12 +1,19 @@
 //! Elements: the cells of patches that carry a value, one for each side.
 //!
 //! Every quadrilateral is a regular grid of `n_s × n_t` cells, every triangle is cut into `n²` similar ones, all about as large as asked
-//! for. An element is a convex polygon that emits and receives from the side its corners run counter-clockwise on; the back of a cell
-//! is an element of its own, with the corners reversed.
+//! for. Cells that another surface stands on or goes through are cut along the line of contact (`contacts`). An element is a convex polygon
+//! that emits and receives from the side its corners run counter-clockwise on; the back of a cell is an element of its own, with the corners reversed.
 
+mod blocks;
+mod cells;
+
+use std::collections::BTreeMap;
+
+use self::cells::{cell_corners, cells, reversed, size_for};
+use super::contacts;
 use super::direct::DirectLight;
 use super::exposure;
-use super::patch::{Patch, Patches};
+use super::patch::{self, Patch, Patches};
 use super::sides::{self, Side};
 use crate::accel::Hit;
 use crate::math::polygon::{area_vector, bilinear};
@@ -16,8 +23,8 @@ use crate::sampling::{rng, sequence};
 use crate::spectrum::Spectrum;
 use crate::transport::{Surface, World};
 
-/// Cells along one edge of a patch at most.
-const MAX_CELLS: u32 = 1024;
+pub use blocks::Blocks;
+pub(super) use cells::{Piece, cell_at, corners_of_cell, triangle_cell};
 
 /// Parts along one edge of a cell at most.
 const MAX_PARTS: u32 = 64;
@@ -31,6 +38,8 @@ pub struct Settings {
     pub size: Option<f64>,
     /// Sides to leave out.
     pub sides: Sides,
+    /// Cells are cut along the lines where other surfaces touch or pierce theirs; by at most half as many pieces as there are cells.
+    pub cuts_contacts: bool,
 }
 
 /// Which sides of surfaces take part.
@@ -46,7 +55,7 @@ pub enum Sides {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { elements: 4000, size: None, sides: Sides::Lit }
+        Self { elements: 4000, size: None, sides: Sides::Lit, cuts_contacts: true }
     }
 }
 
@@ -59,7 +68,7 @@ pub struct Element {
     pub side: Side,
     /// Cell within the patch's grid.
     pub cell: u32,
-    /// Part of the cell, which is divided like a patch of its own; 0 when it is whole.
+    /// Part of the cell, which contact lines cut into pieces and refinement divides like patches of their own; 0 when it is whole.
     pub part: u32,
     /// Unit, on the side that emits and receives.
     pub normal: DVec3,
@@ -153,9 +162,11 @@ pub struct Grid {
     pub first: [Option<u32>; 2],
 }
 
-/// Cells of a grid divided again, into `k × k` parts each.
+/// Cells of a grid cut into pieces and divided again, each piece into `k × k` parts.
 #[derive(Clone, Debug, PartialEq)]
 struct Splits {
+    /// The pieces of cells that contact lines touch; others are whole.
+    pieces: BTreeMap<u32, Vec<Piece>>,
     /// Parts along an edge, by cell.
     k: Vec<u32>,
     /// Parts of the cells before, by cell; at the end the number of all.
@@ -163,13 +174,13 @@ struct Splits {
 }
 
 impl Splits {
-    fn new(k: Vec<u32>) -> Self {
+    fn new(pieces: BTreeMap<u32, Vec<Piece>>, k: Vec<u32>) -> Self {
         let mut starts = vec![0];
-        starts.extend(k.iter().scan(0, |sum, k| {
-            *sum += k * k;
+        starts.extend(k.iter().enumerate().scan(0, |sum, (cell, k)| {
+            *sum += k * k * pieces.get(&(cell as u32)).map_or(1, |pieces| pieces.len() as u32);
             Some(*sum)
         }));
-        Self { k, starts }
+        Self { pieces, k, starts }
     }
 }
 
@@ -216,7 +227,15 @@ impl ElementMesh {
     /// The cells of the kept sides of patches, none divided again.
     fn whole(patches: Patches, settings: &Settings, kept: Vec<[bool; 2]>) -> Self {
         let size = settings.size.unwrap_or_else(|| size_for(&patches.patches, &kept, settings.elements));
-        let grids = patches.patches.iter().map(|patch| (cells(patch, size), None)).collect();
+        let grids: Vec<[u32; 2]> = patches.patches.iter().map(|patch| cells(patch, size)).collect();
+        let n_cells = |n: &[u32; 2]| (n[0] * n[1]) as usize;
+        let mut pieces = vec![BTreeMap::new(); grids.len()];
+        if settings.cuts_contacts && size.is_finite() {
+            let most = grids.iter().map(n_cells).sum::<usize>() / 2;
+            pieces = contacts::pieces(&patches.patches, &kept, &grids, size, most);
+        }
+        let splits = |n, pieces: BTreeMap<_, _>| (!pieces.is_empty()).then(|| Splits::new(pieces, vec![1; n_cells(n)]));
+        let grids = grids.iter().zip(pieces).map(|(n, pieces)| (*n, splits(n, pieces))).collect();
         let record = Record { settings: settings.clone(), kept, refined: Vec::new(), exposed: Vec::new() };
         Self::build(patches, grids, record)
     }
@@ -267,9 +286,19 @@ impl ElementMesh {
                 grid.first[side as usize] = Some(mesh.elements.len() as u32);
                 for cell in 0..n[0] * n[1] {
                     let whole = element(&patch, n, 1, cell, p as u32, side);
-                    match splits.as_ref().map(|s| s.k[cell as usize]) {
-                        None | Some(1) => mesh.elements.push(whole),
-                        Some(k) => mesh.elements.extend((0..k * k).map(|part| part_of(&whole, k, part))),
+                    let Some(splits) = &splits else {
+                        mesh.elements.push(whole);
+                        continue;
+                    };
+                    let k = splits.k[cell as usize];
+                    let mut part = 0;
+                    let mut divide = |piece: &Element| {
+                        mesh.elements.extend((0..k * k).map(|i| Element { part: part + i, ..part_of(piece, k, i) }));
+                        part += k * k;
+                    };
+                    match splits.pieces.get(&cell) {
+                        Some(pieces) => pieces.iter().for_each(|piece| divide(&with_corners(&whole, *piece))),
+                        None => divide(&whole),
                     }
                 }
             }
@@ -299,7 +328,7 @@ impl ElementMesh {
 
     /// The same without knowing what light can reach.
     fn divided(&self, marked: &[bool]) -> Self {
-        let mut k: Vec<Option<Vec<u32>>> = self.splits.iter().map(|s| s.as_ref().map(|s| s.k.clone())).collect();
+        let mut splits = self.splits.clone();
         let mut is_new: Vec<Vec<bool>> = vec![Vec::new(); self.grids.len()];
         for element in self.elements.iter().zip(marked).filter(|(_, marked)| **marked).map(|(e, _)| e) {
             let p = element.patch as usize;
@@ -307,11 +336,12 @@ impl ElementMesh {
             is_new[p].resize(n, false);
             // Several parts and both sides may ask for it.
             if !std::mem::replace(&mut is_new[p][element.cell as usize], true) {
-                let k = &mut k[p].get_or_insert_with(|| vec![1; n])[element.cell as usize];
+                let splits = splits[p].get_or_insert_with(|| Splits::new(BTreeMap::new(), vec![1; n]));
+                let k = &mut splits.k[element.cell as usize];
                 *k = (2 * *k).min(MAX_PARTS);
             }
         }
-        let grids = self.grids.iter().zip(k).map(|(g, k)| (g.n, k.map(Splits::new))).collect();
+        let grids = self.grids.iter().zip(splits).map(|(g, s)| (g.n, s.map(|s| Splits::new(s.pieces, s.k)))).collect();
         let Record { settings, kept, mut refined, .. } = self.record.clone();
         refined.push(marked.to_vec());
         Self::build(self.patches.clone(), grids, Record { settings, kept, refined, exposed: Vec::new() })
@@ -348,13 +378,21 @@ impl ElementMesh {
         let patch = &self.patches.patches[index as usize];
         let grid = &self.grids[index as usize];
         let first = grid.first[side as usize]?;
-        let (cell, within) = cell_at(patch.is_quad(), grid.n, patch.parameters(p));
+        let (cell, mut within) = cell_at(patch.is_quad(), grid.n, patch.parameters(p));
+        let splits = self.splits[index as usize].as_ref();
+        let (mut piece, mut is_quad) = (0, patch.is_quad());
+        if let Some(pieces) = splits.and_then(|splits| splits.pieces.get(&cell)) {
+            piece = contacts::piece_at(pieces, p);
+            let (corners, n_corners) = pieces[piece];
+            is_quad = n_corners == 4;
+            within = patch::parameters(corners, is_quad, p);
+        }
         // (The back's corners run the other way.)
-        let within = if side == Side::Back { reversed(patch.is_quad(), within) } else { within };
-        let Some(splits) = &self.splits[index as usize] else { return Some((first + cell, within)) };
+        let within = if side == Side::Back { reversed(is_quad, within) } else { within };
+        let Some(splits) = splits else { return Some((first + cell, within)) };
         let k = splits.k[cell as usize];
-        let (part, within) = cell_at(patch.is_quad(), [k; 2], within);
-        Some((first + splits.starts[cell as usize] + part, within))
+        let (part, within) = cell_at(is_quad, [k; 2], within);
+        Some((first + splits.starts[cell as usize] + piece as u32 * k * k + part, within))
     }
 
     /// The element a ray of direction `dir` met at `p`, and the weights of its corners there, which sum to one: bilinear in a quadrilateral,
@@ -371,9 +409,25 @@ impl ElementMesh {
         Some((element, weights.map(|w| w as f32)))
     }
 
-    /// Some cells of the patch are divided again.
+    /// Some cells of the patch are cut, or divided again.
     pub(super) fn is_split(&self, patch: usize) -> bool {
         self.splits[patch].is_some()
+    }
+
+    /// A contact line touches the cell of an element.
+    pub(super) fn is_at_contact(&self, element: &Element) -> bool {
+        self.splits[element.patch as usize].as_ref().is_some_and(|s| s.pieces.contains_key(&element.cell))
+    }
+
+    /// The elements just across the middle of every edge, in the order of edges; the element itself where there are none.
+    pub(super) fn neighbours(&self, element: &Element) -> impl Iterator<Item = usize> {
+        let c = element.corners();
+        let across = move |k: usize| {
+            let (a, b) = (c[k], c[(k + 1) % c.len()]);
+            let outwards: DVec3 = (b - a).cross(element.normal);
+            (a + b) * 0.5 + outwards.normalize_or_zero() * (1e-3 * element.whole_area.sqrt())
+        };
+        (0..c.len()).filter_map(move |k| self.element_on(element.patch, element.side, across(k))).map(|j| j as usize)
     }
 
     /// How many elements a side of a patch has.
@@ -433,55 +487,8 @@ pub(super) fn surface_of(world: &World, patch: &Patch, p: DVec3, normal: DVec3) 
     world.surface(&Ray::new(p.as_vec3(), -normal.as_vec3()), &hit)
 }
 
-/// Cells along the edges for elements no longer than `size`.
-fn cells(patch: &Patch, size: f64) -> [u32; 2] {
-    let c = patch.corners();
-    let edge = |i: usize| (c[(i + 1) % c.len()] - c[i]).length();
-    let along = |length: f64| ((length / size - 1e-6).ceil().max(1.0) as u32).min(MAX_CELLS);
-    if patch.is_quad() {
-        [along(edge(0).max(edge(2))), along(edge(1).max(edge(3)))]
-    } else {
-        // As large as a square of that edge, about: two triangles to a cell.
-        let n = along((2.0 * patch.area()).sqrt().max(0.5 * edge(0).max(edge(1)).max(edge(2))));
-        [n, n]
-    }
-}
-
-/// The longest edge with which there are about `wanted` elements beyond one for each kept side.
-fn size_for(patches: &[Patch], kept: &[[bool; 2]], wanted: u32) -> f64 {
-    let n_sides = |k: &[bool; 2]| u64::from(k[0]) + u64::from(k[1]);
-    let sides: u64 = kept.iter().map(n_sides).sum();
-    let target = sides + u64::from(wanted);
-    let area: f64 = patches.iter().zip(kept).map(|(p, k)| p.area() * n_sides(k) as f64).sum();
-    if area <= 0.0 || wanted == 0 {
-        return f64::INFINITY;
-    }
-    let total = |size: f64| -> u64 {
-        let count = |p: &Patch| cells(p, size).map(u64::from).iter().product::<u64>();
-        patches.iter().zip(kept).map(|(p, k)| count(p) * n_sides(k)).sum()
-    };
-    // Halving the logarithm: the count falls with the size.
-    let (mut low, mut high) = ((area / target as f64).sqrt() * 0.25, area.sqrt().max(1e-300) * 8.0);
-    for _ in 0..40 {
-        let middle = (low * high).sqrt();
-        if total(middle) > target {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    high
-}
-
-/// Cell `(i, j)` of the grid, or of the one of every `step`-th line.
+/// A cell of the grid, or of the one of every `step`-th line.
 fn element(patch: &Patch, n: [u32; 2], step: u32, cell: u32, index: u32, side: Side) -> Element {
-    let line = |i: u32, n: u32| f64::from((i * step).min(n)) / f64::from(n);
-    let (mut corners, n_corners) =
-        cell_corners(patch.is_quad(), n.map(|n| n.div_ceil(step)), cell, |i, j| patch.at([line(i, n[0]), line(j, n[1])]));
-    if side == Side::Back {
-        corners[..n_corners].reverse();
-        corners[3] = corners[n_corners - 1];
-    }
     let whole = Element {
         patch: index,
         side,
@@ -490,26 +497,20 @@ fn element(patch: &Patch, n: [u32; 2], step: u32, cell: u32, index: u32, side: S
         normal: DVec3::ZERO,
         area: 0.0,
         whole_area: 0.0,
-        corners,
-        n_corners: n_corners as u8,
+        corners: [DVec3::ZERO; 4],
+        n_corners: 0,
         exposed: !0,
     };
-    with_area(&whole, corners, n_corners)
+    with_corners(&whole, corners_of_cell(patch, n, step, cell))
 }
 
-/// The corners of a cell of an `n[0] × n[1]` grid: a square; in a triangle every other one is turned around.
-fn cell_corners(is_quad: bool, n: [u32; 2], cell: u32, corner: impl Fn(u32, u32) -> DVec3) -> ([DVec3; 4], usize) {
-    if is_quad {
-        let (i, j) = (cell % n[0], cell / n[0]);
-        return ([corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)], 4);
+/// An element like another, with corners as seen from the front.
+fn with_corners(like: &Element, (mut corners, n_corners): Piece) -> Element {
+    if like.side == Side::Back {
+        corners[..n_corners].reverse();
+        corners[3] = corners[n_corners - 1];
     }
-    let (i, j, upper) = triangle_cell(n[0], cell);
-    let c = if upper {
-        [corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)]
-    } else {
-        [corner(i, j), corner(i + 1, j), corner(i, j + 1)]
-    };
-    ([c[0], c[1], c[2], c[2]], 3)
+    with_area(like, corners, n_corners)
 }
 
 /// An element like another, with other corners.
@@ -519,117 +520,18 @@ fn with_area(like: &Element, corners: [DVec3; 4], n_corners: usize) -> Element {
     Element { corners, n_corners: n_corners as u8, normal: area / length, area: length, whole_area: length, ..*like }
 }
 
-/// The row `j`, the column `i` and the kind of a cell of a triangle with `n` cells along each edge. Row `j` has `2 (n − j) − 1` cells.
-pub(super) fn triangle_cell(n: u32, cell: u32) -> (u32, u32, bool) {
-    // Rows before row j hold j (2 n − j) cells.
-    let mut j = n - f64::from(n * n - cell).sqrt().ceil() as u32;
-    while (j + 1) * (2 * n - j - 1) <= cell {
-        j += 1;
-    }
-    while j * (2 * n - j) > cell {
-        j -= 1;
-    }
-    let k = cell - j * (2 * n - j);
-    (k / 2, j, k % 2 == 1)
-}
-
-/// The cell that parameters fall into, and the parameters within it.
-fn cell_at(is_quad: bool, n: [u32; 2], [s, t]: [f64; 2]) -> (u32, [f64; 2]) {
-    let (x, y) = (s * f64::from(n[0]), t * f64::from(n[1]));
-    let (i, j) = ((x as u32).min(n[0] - 1), (y as u32).min(n[1] - 1));
-    if is_quad {
-        return (j * n[0] + i, [x - f64::from(i), y - f64::from(j)]);
-    }
-    let n = n[0];
-    let i = i.min(n - 1 - j);
-    let (fx, fy) = (x - f64::from(i), y - f64::from(j));
-    let upper = fx + fy > 1.0 && i + j + 1 < n;
-    // The one turned around starts at its corner (1, 0), with edges to (1, 1) and (0, 1).
-    let [a, b] = if upper { [fx + fy - 1.0, 1.0 - fx] } else { [fx, fy] };
-    let over = (a.max(0.0) + b.max(0.0)).max(1.0);
-    (j * (2 * n - j) + 2 * i + u32::from(upper), [a, b].map(|v| v.max(0.0) / over))
-}
-
-/// Parameters of a cell, for its corners in reverse order.
-fn reversed(is_quad: bool, [s, t]: [f64; 2]) -> [f64; 2] {
-    // a b c d becomes d c b a, and a b c becomes c b a.
-    if is_quad { [s, 1.0 - t] } else { [s, (1.0 - s - t).max(0.0)] }
-}
-
-/// Part `part` of `k × k` of a cell.
+/// Part `part` of `k × k` of a cell or a piece of it.
 fn part_of(whole: &Element, k: u32, part: u32) -> Element {
+    if k == 1 {
+        return *whole;
+    }
     let c = whole.corners;
     let patch = |[s, t]: [f64; 2]| {
         if whole.n_corners == 4 { bilinear(c, [s, t]) } else { c[0] + (c[1] - c[0]) * s + (c[2] - c[0]) * t }
     };
     let (corners, n_corners) =
         cell_corners(whole.n_corners == 4, [k; 2], part, |i, j| patch([i, j].map(|i| f64::from(i) / f64::from(k))));
-    Element { part, ..with_area(whole, corners, n_corners) }
-}
-
-/// Who sends light out: every element for itself, or blocks of neighbours together.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Blocks {
-    /// Where a mesh with blocks has the first of them.
-    first: u32,
-    /// Block `s` has the elements `members[starts[s]..starts[s + 1]]`.
-    starts: Vec<u32>,
-    members: Vec<u32>,
-}
-
-impl Blocks {
-    /// Every one of `n` elements for itself.
-    pub fn single(n: usize) -> Self {
-        Self { first: 0, starts: (0..=n as u32).collect(), members: (0..n as u32).collect() }
-    }
-
-    /// How many there are.
-    pub fn n(&self) -> usize {
-        self.starts.len() - 1
-    }
-
-    /// The elements of block `s`.
-    pub fn members(&self, s: usize) -> impl Iterator<Item = usize> {
-        self.members[self.starts[s] as usize..self.starts[s + 1] as usize].iter().map(|&i| i as usize)
-    }
-
-    /// The index of block `s` as an element.
-    pub fn element(&self, s: u32) -> u32 {
-        self.first + s
-    }
-}
-
-impl ElementMesh {
-    /// The same mesh with blocks of `k × k` cells as elements of their own behind the others (in triangles of as many as divide their grid). Rays meet
-    /// the others alone.
-    pub fn with_blocks(&self, k: u32) -> (Self, Blocks) {
-        let mut mesh = self.clone();
-        let mut blocks = Blocks { first: self.elements.len() as u32, starts: vec![0], members: Vec::new() };
-        for (p, grid) in self.grids.iter().enumerate() {
-            let (patch, n) = (&self.patches.patches[p], grid.n);
-            let step = if patch.is_quad() { k.max(1) } else { (1..=k.max(1)).rev().find(|d| n[0] % d == 0).unwrap_or(1) };
-            let m = n.map(|n| n.div_ceil(step));
-            for (first, side) in grid.first.into_iter().zip([Side::Front, Side::Back]) {
-                let Some(first) = first else { continue };
-                let mut of_block = vec![Vec::new(); (m[0] * m[1]) as usize];
-                for i in first..first + self.n_on_side(p) as u32 {
-                    let element = &self.elements[i as usize];
-                    let block = if patch.is_quad() {
-                        element.cell / n[0] / step * m[0] + element.cell % n[0] / step
-                    } else {
-                        cell_at(false, m, patch.parameters(element.centre())).0
-                    };
-                    of_block[block as usize].push(i);
-                }
-                for (cell, members) in of_block.into_iter().enumerate() {
-                    mesh.elements.push(element(patch, n, step, cell as u32, p as u32, side));
-                    blocks.members.extend(members);
-                    blocks.starts.push(blocks.members.len() as u32);
-                }
-            }
-        }
-        (mesh, blocks)
-    }
+    with_area(whole, corners, n_corners)
 }
 
 /// What a surface is made of, averaged over one element.
@@ -658,28 +560,5 @@ impl ElementMesh {
             sum.emission += shading.emission * (coverage * std::f32::consts::PI);
         }
         sum
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_cells_of_a_triangle_are_numbered_row_by_row() {
-        for n in [1, 2, 3, 7, 64, 1024] {
-            let mut cell = 0;
-            for j in 0..n {
-                for i in 0..n - j {
-                    assert_eq!(triangle_cell(n, cell), (i, j, false));
-                    cell += 1;
-                    if i + 1 < n - j {
-                        assert_eq!(triangle_cell(n, cell), (i, j, true));
-                        cell += 1;
-                    }
-                }
-            }
-            assert_eq!(cell, n * n);
-        }
     }
 }
