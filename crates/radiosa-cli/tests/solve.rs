@@ -235,3 +235,42 @@ fn the_light_of_a_furnace_is_exported_and_reported() {
     assert_eq!(vertices, radiosity.len());
     assert_eq!(ply.len(), head + vertices * 15 * 4 + faces * 13);
 }
+
+/// Size and RGB bytes of an 8-bit PNG.
+fn png(path: &Path) -> (u32, u32, Vec<u8>) {
+    let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(path).expect("it was written")));
+    let mut reader = decoder.read_info().expect("a PNG");
+    let mut bytes = vec![0; reader.output_buffer_size().expect("it is small")];
+    let info = reader.next_frame(&mut bytes).expect("a picture");
+    (info.width, info.height, bytes)
+}
+
+#[test]
+fn false_colours_say_how_much_light_there_is() {
+    use radiosa::film::false_color::{Palette, Scale};
+    let dir = tempfile::tempdir().expect("a folder");
+    let at = dir.path();
+    std::fs::write(at.join("furnace.toml"), FURNACE).expect("it can be written");
+    ok(at, &["solve", "furnace.toml", "-o", "a.radiosa", "--elements", "50"]);
+    // What arrives is what leaves: B = E/(1 − ρ), by luminance.
+    let b = |e: f64, rho: f64| std::f64::consts::PI * e / (1.0 - rho);
+    let expected = 0.2126 * b(1.0, 0.5) + 0.7152 * b(2.0, 0.25) + 0.0722 * b(0.5, 0.8);
+    let shown = ["--solution", "a.radiosa", "--false-color", "cividis", "--color-range", "1,100", "--color-scale", "log"];
+    let scale = Scale { low: 1.0, high: 100.0, is_logarithmic: true };
+    let wanted = Palette::Cividis.color(scale.position(expected));
+    let wrong = Palette::Cividis.color(scale.position(1.05 * expected));
+    ok(at, &[&["measure", "furnace.toml", "--grid", "0.25", "--height", "0.4", "-o", "grid.png"], &shown[..]].concat());
+    let picture = ["render", "furnace.toml", "--show", "irradiance", "--size", "40x30", "--spp", "1", "-o", "seen.png"];
+    ok(at, &[&picture[..], &shown].concat());
+    for (file, least) in [("grid.png", 300), ("seen.png", 40)] {
+        let (width, height, rgb) = png(&at.join(file));
+        assert!(width > least && height > 160, "{file}: {width} × {height}, a legend beside it");
+        // Some way in from the corner, where the margin is over.
+        let pixel = 3 * ((20 * width + 20) as usize);
+        let seen = &rgb[pixel..pixel + 3];
+        let off = |color: [u8; 3]| seen.iter().zip(color).map(|(a, b)| a.abs_diff(b)).max().expect("three");
+        assert!(off(wanted) <= 1 && off(wrong) > 1, "{file}: {seen:?}, wanted {wanted:?}");
+    }
+    let output = radiosa(at, &["measure", "furnace.toml", "--points", "-", "-o", "x.png"]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+}
