@@ -131,6 +131,7 @@ box = { min = [0, 0, 0], max = [2, 2, 2], inward = true }
 point = [1, 1.6, 1]
 [camera.main]
 position = [1, 1, 1]
+look_at = [1, 1, 0]
 panoramic = true
 "#;
     std::fs::write(at.join("room.toml"), scene).expect("it can be written");

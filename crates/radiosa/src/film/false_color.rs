@@ -51,7 +51,7 @@ impl Scale {
         values.sort_unstable_by(f64::total_cmp);
         let last = values.len().saturating_sub(1 + values.len() / BEYOND);
         let high = values.get(last).map_or(1.0, |v| round_up(*v));
-        let low = values.get(values.len() / BEYOND).copied().unwrap_or(high / DECADES);
+        let low = values.get(values.len() / BEYOND).map_or(high / DECADES, |v| 1.0 / round_up(1.0 / v));
         let low = if is_logarithmic { low.clamp(high / DECADES, high / 10.0) } else { 0.0 };
         Self { low, high, is_logarithmic }
     }

@@ -112,7 +112,8 @@ pub struct Grid {
 pub fn grid(world: &World, spacing: f64, height: f64) -> Result<Grid, SensorError> {
     let bounds = world.accel().bounds();
     let (lo, extent) = (bounds.min.as_dvec3(), bounds.extent().as_dvec3());
-    let along = |length: f64| (length / spacing).floor().max(0.0) as u64 + 1;
+    // At least half a spacing from either end: what bounds a room is no place for sensors.
+    let along = |length: f64| ((length / spacing + 1e-6).floor().max(1.0)) as u64;
     let n = [along(extent.x), along(extent.z)];
     if n[0].saturating_mul(n[1]) > MAX_SENSORS as u64 {
         return Err(SensorError::TooMany { n: n[0].saturating_mul(n[1]) });

@@ -25,7 +25,7 @@ pub struct Settings {
     pub threshold: f64,
     /// Times that elements are divided into four; zero: never.
     pub levels: u32,
-    /// Elements at most; the largest steps go first.
+    /// Elements at most; the largest steps go first. The default stays below where [`super::solve::Solver::Auto`] turns to rays.
     pub elements: usize,
     /// Gathers again where steps alone do not decide.
     pub gather: bool,
@@ -33,7 +33,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { threshold: 0.1, levels: 0, elements: 20_000, gather: true }
+        Self { threshold: 0.1, levels: 0, elements: 11_000, gather: true }
     }
 }
 

@@ -65,6 +65,10 @@ pub struct Stochastic {
     /// H and U of the round.
     irradiance: Vec<[f64; 3]>,
     unshot: Vec<[f64; 3]>,
+    /// Elements with something to send, rising.
+    active: Vec<u32>,
+    /// Power on its way; nothing between iterations.
+    arriving: Vec<[f64; 3]>,
     /// Rounds that are finished, and over them: ΣH, ΣH², ΣU.
     rounds: u32,
     sum: Vec<[f64; 3]>,
@@ -92,6 +96,8 @@ impl Stochastic {
             iteration: 0,
             irradiance: zero(),
             unshot: zero(),
+            active: Vec::new(),
+            arriving: zero(),
             rounds: 0,
             sum: zero(),
             squares: zero(),
@@ -130,6 +136,7 @@ impl Stochastic {
         }
         self.escaped_rays = from.array(n)?;
         self.escaped.copy_from_slice(&from.array(2)?);
+        self.find_active();
         Ok(())
     }
 
@@ -138,6 +145,11 @@ impl Stochastic {
         self.irradiance.copy_from_slice(&system.direct);
         (0..system.n()).for_each(|i| self.unshot[i] = system.initial(i));
         self.escaped[0] = [0.0; 3];
+        self.find_active();
+    }
+
+    fn find_active(&mut self) {
+        self.active = (0..self.unshot.len() as u32).filter(|&i| self.unshot[i as usize] != [0.0; 3]).collect();
     }
 
     /// `A U`, channels together: what decides about the number of rays.
@@ -145,83 +157,116 @@ impl Stochastic {
         system.area[i] * self.unshot[i].iter().map(|u| u.abs()).sum::<f64>()
     }
 
-    /// One iteration. The unknowns become the mean of the finished rounds, or what is known of the first.
+    /// Iterations with about a ray for every element together, or to the end of the round: the last ones of a round have few rays. The unknowns become the mean of
+    /// the finished rounds, or what is known of the first.
     pub fn step(&mut self, world: &World, mesh: &ElementMesh, system: &System, unknowns: &mut Unknowns, row_sums: &mut [f64]) {
+        let mut sent = 0;
+        loop {
+            sent += self.iterate(world, mesh, system);
+            // Less than one ray is left: the round is over.
+            let left: f64 = self.active.iter().map(|&i| self.weight(system, i as usize)).sum();
+            if left <= self.quantum {
+                self.finish(system);
+                break;
+            }
+            if sent >= system.n() as u64 {
+                break;
+            }
+        }
+        self.read(system, unknowns, row_sums);
+    }
+
+    /// One iteration; the number of its rays. What it takes depends on who has anything to send, and on what is met.
+    fn iterate(&mut self, world: &World, mesh: &ElementMesh, system: &System) -> u64 {
         self.iteration += 1;
-        let rays = self.distribute(system);
-        let power: Vec<[f64; 3]> = (0..system.n())
-            .map(|j| {
-                let expected = self.weight(system, j) / self.quantum;
-                let share = if rays[j] == 0 { 0.0 } else { 1.0 / if expected < 1.0 { expected } else { f64::from(rays[j]) } };
-                self.unshot[j].map(|u| u * system.area[j] * share)
-            })
-            .collect();
-        let mut next = vec![[0.0f64; 3]; system.n()];
-        let mut starts = vec![0u64; system.n() + 1];
-        (0..system.n()).for_each(|j| starts[j + 1] = starts[j] + u64::from(rays[j]));
-        let total = starts[system.n()];
+        let active = std::mem::take(&mut self.active);
+        let rays = self.distribute(system, &active);
+        let of = |(&j, &rays): (&u32, &u32)| {
+            let expected = self.weight(system, j as usize) / self.quantum;
+            let share = if rays == 0 { 0.0 } else { 1.0 / if expected < 1.0 { expected } else { f64::from(rays) } };
+            self.unshot[j as usize].map(|u| u * system.area[j as usize] * share)
+        };
+        let power: Vec<[f64; 3]> = active.iter().zip(&rays).map(of).collect();
+        let mut starts = vec![0u64; active.len() + 1];
+        rays.iter().enumerate().for_each(|(k, &n)| starts[k + 1] = starts[k] + u64::from(n));
+        let total = starts[active.len()];
         self.n_rays += total;
+        let mut touched = Vec::new();
         let pieces: Vec<u64> = (0..total.div_ceil(PIECE)).collect();
         for pieces in pieces.chunks(PIECES) {
             let met: Vec<Vec<[u32; 2]>> = pieces
                 .par_iter()
-                .map(|piece| self.trace(world, mesh, &starts, piece * PIECE..((piece + 1) * PIECE).min(total)))
+                .map(|piece| self.trace(world, mesh, (&active, &starts), piece * PIECE..((piece + 1) * PIECE).min(total)))
                 .collect();
             for [from, to] in met.into_iter().flatten() {
                 let carried = power[from as usize];
                 if to >= AGAIN {
                     let sign = if to == NOTHING { 1 } else { -1 };
-                    self.escaped_rays[from as usize] += sign;
+                    self.escaped_rays[active[from as usize] as usize] += sign;
                     (0..3).for_each(|c| self.escaped[0][c] += sign as f64 * carried[c]);
                 } else {
-                    (0..3).for_each(|c| next[to as usize][c] += carried[c]);
+                    let sum = &mut self.arriving[to as usize];
+                    if *sum == [0.0; 3] {
+                        touched.push(to);
+                    }
+                    (0..3).for_each(|c| sum[c] += carried[c]);
                 }
             }
         }
-        for j in 0..system.n() {
-            self.used[j] = self.used[j].wrapping_add(rays[j]);
-            for (c, power) in next[j].iter().enumerate() {
+        for (&j, rays) in active.iter().zip(rays) {
+            self.used[j as usize] = self.used[j as usize].wrapping_add(rays);
+            self.unshot[j as usize] = [0.0; 3];
+        }
+        touched.sort_unstable();
+        touched.dedup();
+        for &j in &touched {
+            let j = j as usize;
+            for (c, power) in std::mem::take(&mut self.arriving[j]).into_iter().enumerate() {
                 let arriving = if system.area[j] > 0.0 { power / system.area[j] } else { 0.0 };
                 self.irradiance[j][c] += arriving;
                 self.unshot[j][c] = system.reflectance[j][c] * arriving;
             }
         }
-        // Less than one ray is left: the round is over.
-        let left: f64 = (0..system.n()).map(|i| self.weight(system, i)).sum();
-        if left <= self.quantum || total == 0 {
-            self.finish(system);
-        }
-        self.read(system, unknowns, row_sums);
+        self.active = touched;
+        total
     }
 
-    /// Whole numbers of rays in proportion to unshot power, one stroke for every quantum of it: every element gets its number rounded up or down.
-    fn distribute(&self, system: &System) -> Vec<u32> {
+    /// Whole numbers of rays in proportion to unshot power, one stroke for every quantum of it: every element of `active` gets its number rounded up or down.
+    fn distribute(&self, system: &System, active: &[u32]) -> Vec<u32> {
         let offset = f64::from(rng::unit_f32((rng::key(&[self.seed, self.iteration]) >> 32) as u32));
         let (mut sum, mut before) = (offset, 0.0);
-        (0..system.n())
-            .map(|i| {
-                if self.quantum > 0.0 {
-                    sum += self.weight(system, i) / self.quantum;
-                }
-                let n = sum.floor() - before;
-                before = sum.floor();
-                n as u32
-            })
-            .collect()
+        let rays = active.iter().map(|&i| {
+            if self.quantum > 0.0 {
+                sum += self.weight(system, i as usize) / self.quantum;
+            }
+            let n = sum.floor() - before;
+            before = sum.floor();
+            n as u32
+        });
+        rays.collect()
     }
 
-    /// Traces rays of a range: the element each starts from and the one it meets, in order.
-    fn trace(&self, world: &World, mesh: &ElementMesh, starts: &[u64], range: std::ops::Range<u64>) -> Vec<[u32; 2]> {
+    /// Traces rays of a range: the place in `active` of the element each starts from, and the element it meets, in order.
+    fn trace(
+        &self,
+        world: &World,
+        mesh: &ElementMesh,
+        (active, starts): (&[u32], &[u64]),
+        range: std::ops::Range<u64>,
+    ) -> Vec<[u32; 2]> {
         let mut met = Vec::with_capacity((range.end - range.start) as usize);
-        let mut j = starts.partition_point(|&s| s <= range.start) - 1;
-        let mut element = Source::new(&mesh.elements()[j], self.seed, j as u64);
+        let mut at = starts.partition_point(|&s| s <= range.start) - 1;
+        let source = |at: usize| Source::new(&mesh.elements()[active[at] as usize], self.seed, u64::from(active[at]));
+        let mut element = source(at);
         for k in range {
-            while starts[j + 1] <= k {
-                j += 1;
-                element = Source::new(&mesh.elements()[j], self.seed, j as u64);
+            if starts[at + 1] <= k {
+                while starts[at + 1] <= k {
+                    at += 1;
+                }
+                element = source(at);
             }
-            let sample = self.used[j].wrapping_add((k - starts[j]) as u32);
-            follow(world, mesh, element.ray(sample), rng::key(&[element.key, u64::from(sample)]), |to| met.push([j as u32, to]));
+            let sample = self.used[active[at] as usize].wrapping_add((k - starts[at]) as u32);
+            follow(world, mesh, element.ray(sample), rng::key(&[element.key, u64::from(sample)]), |to| met.push([at as u32, to]));
         }
         met
     }
