@@ -60,14 +60,24 @@ pub(crate) fn write(shown: &Values, options: &FalseColor, path: &Path, recipe: &
     let zoomed: Vec<f64> =
         (0..width * height).map(|i| shown.values[i / width / zoom * shown.width as usize + i % width / zoom]).collect();
     let picture = scale.paint(&zoomed, width, palette, options.contours);
-    let page = page((width as u32, height as u32), &picture, &scale, palette, options.contours, &shown.unit);
+    let beyond = shown.values.iter().any(|v| *v > scale.high);
+    let page = page((width as u32, height as u32), &picture, (&scale, beyond), palette, options.contours, &shown.unit);
     image::write_rgb8(path, page.width, page.height, &page.rgb, recipe)
 }
 
 /// The picture and the legend to its right.
-fn page((width, height): (u32, u32), picture: &[u8], scale: &Scale, palette: Palette, contours: u32, unit: &str) -> Page {
+fn page(
+    (width, height): (u32, u32),
+    picture: &[u8],
+    (scale, beyond): (&Scale, bool),
+    palette: Palette,
+    contours: u32,
+    unit: &str,
+) -> Page {
     let style = Style::for_cells(140);
-    let ticks: Vec<(f64, String)> = scale.ticks().into_iter().map(|v| (v, number(v))).collect();
+    // What lies beyond the scale has its last colour.
+    let beyond = |v: f64| if beyond && v >= scale.high * (1.0 - 1e-9) { "+" } else { "" };
+    let ticks: Vec<(f64, String)> = scale.ticks().into_iter().map(|v| (v, number(v) + beyond(v))).collect();
     let line = style.line_height();
     let words = ticks.iter().map(|(_, text)| label::width(text, style)).max().unwrap_or(0);
     let side = (BAR + 2 * STROKE + words).max(label::width(unit, style));

@@ -46,6 +46,9 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
     let world = plan::prepare(scene, &args.work)?;
     let (sensors, grid) = sensors(args, &world)?;
     let prepared = start.elapsed();
+    if sensors.is_empty() {
+        return Err(Error::failed("there are no sensors", "measure on a finer --grid, at another --height, or at --points"));
+    }
     if !args.work.quiet {
         output::say_warnings(&warnings);
     }

@@ -6,11 +6,12 @@ use std::time::{Duration, Instant};
 
 use radiosa::export::image::Recipe;
 use radiosa::export::{mesh as lit_mesh, solution as file};
+use radiosa::import::Warning;
 use radiosa::radiosity::form_factor::{Factors, Row, Scratch};
 use radiosa::radiosity::mesh::{self, ElementMesh};
 use radiosa::radiosity::{self, Division, Progress, Settings, Solution, refine, solve};
 use radiosa::scene::Light;
-use radiosa::transport::{Solver as _, Step, World};
+use radiosa::transport::{Solver as _, Step, World, default_light};
 use serde_json::json;
 
 use crate::args::{Exposure, Order, Radiosity, Solve, Solver, Work, factors::By};
@@ -62,7 +63,7 @@ pub(crate) fn settings(options: &Radiosity, seed: u64, extra_lights: &[Light]) -
 /// When the solution cannot be read.
 pub(crate) fn rings(options: &Radiosity, solution: Option<&Path>) -> Result<u32, Error> {
     let Some(path) = solution else { return Ok(options.sphere_rings) };
-    let saved = file::open(path, u64::MAX)?;
+    let saved = file::open(path, file::HEAD)?;
     Ok(saved.recipe().get(SPHERE_RINGS).and_then(|rings| rings.parse().ok()).unwrap_or(options.sphere_rings))
 }
 
@@ -221,6 +222,14 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
     let load_time = start.elapsed();
     let world = plan::prepare(scene, work)?;
     let build_time = start.elapsed() - load_time;
+    if world.scene().n_primitives() == 0 || !default_light::has_light(&world) {
+        let what = if world.scene().n_primitives() == 0 { "has no surface" } else { "has no light: nothing emits" };
+        warnings.push(Warning { name: "dark", path: PathBuf::from(&args.scene), message: format!("the scene {what}") });
+    }
+    if !args.resume && output.exists() {
+        let message = "it is replaced; --resume would go on with it".to_owned();
+        warnings.push(Warning { name: "replaced", path: output.clone(), message });
+    }
     if !work.quiet {
         output::say_warnings(&warnings);
     }

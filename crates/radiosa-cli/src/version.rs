@@ -30,7 +30,7 @@ pub(crate) fn say(text: &str) {
 pub(crate) fn info(info: &Info, json: bool) -> Result<ExitCode, Error> {
     let is_solution = info.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("radiosa"));
     let recipe = if is_solution {
-        radiosa::export::solution::open(&info.file, u64::MAX)?.recipe().clone()
+        radiosa::export::solution::open(&info.file, radiosa::export::solution::HEAD)?.recipe().clone()
     } else {
         radiosa::export::image::read_recipe(&info.file)?
     };

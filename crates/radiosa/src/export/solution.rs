@@ -34,6 +34,8 @@ const VERSION: u32 = 1;
 const LEVEL: i32 = 1;
 /// What an element takes in memory, with its columns.
 pub const BYTES_AN_ELEMENT: u64 = 600;
+/// Bytes for [`open`] alone: a recipe is small, and a file that is not is none of ours.
+pub const HEAD: u64 = 64 << 20;
 /// Bytes of a text at most.
 const MAX_TEXT: u64 = 1 << 20;
 
@@ -116,8 +118,8 @@ pub fn open(path: &Path, max_memory: u64) -> Result<Saved, ExportError> {
     if version != VERSION {
         return Err(unreadable(path, &format!("it is of version {version}, this program reads version {VERSION}")));
     }
-    let body = zstd::stream::read::Decoder::with_buffer(file).map_err(io)?.take(max_memory);
-    let mut body: Box<dyn Read> = Box::new(BufReader::new(body));
+    let body = zstd::stream::read::Decoder::with_buffer(file).map_err(io)?;
+    let mut body: Box<dyn Read> = Box::new(BufReader::new(Limited { body, left: max_memory }));
     let mut start = || -> io::Result<(Recipe, u128, String)> {
         let mut input = In(&mut body);
         let mut recipe = Recipe::new();
@@ -162,7 +164,7 @@ impl Saved {
     ) -> Result<(Division, Solution, Option<Progress>), ExportError> {
         self.check_scene(world)?;
         if self.settings != described(settings, world) {
-            let why = "it was solved with other settings, and only --residual, --unshot, --error and --time may differ to go on with it";
+            let why = "it was solved with other settings or kernels (--cpu-path): only --residual, --unshot, --error, --time may differ to go on";
             return Err(unreadable(&self.path, why));
         }
         let solution = self.solution(world)?;
@@ -193,14 +195,32 @@ impl Saved {
     }
 }
 
+/// A stream that fails, rather than ends, when there is more than was allowed.
+struct Limited<R> {
+    body: R,
+    left: u64,
+}
+
+impl<R: Read> Read for Limited<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let n = self.body.read(buffer)?;
+        self.left = self
+            .left
+            .checked_sub(n as u64)
+            .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidData, "it holds more than --max-memory allows"))?;
+        Ok(n)
+    }
+}
+
 fn unreadable(path: &Path, why: &str) -> ExportError {
     ExportError::Unreadable { path: path.to_path_buf(), message: why.to_owned() }
 }
 
 fn damaged(path: &Path, error: &io::Error) -> ExportError {
     let message = match error.kind() {
-        io::ErrorKind::UnexpectedEof => "it ends too early, or is larger than --max-memory".to_owned(),
-        _ => error.to_string(),
+        io::ErrorKind::UnexpectedEof => "it ends too early".to_owned(),
+        io::ErrorKind::InvalidData => error.to_string(),
+        _ => format!("it is damaged: {error}"),
     };
     unreadable(path, &message)
 }

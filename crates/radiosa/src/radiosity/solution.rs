@@ -136,6 +136,11 @@ impl Division {
     }
 }
 
+/// Pairs of elements in the first rows of an upper triangle of `n`.
+fn pairs_of(rows: usize, n: usize) -> u64 {
+    (0..rows).map(|i| (n - 1 - i) as u64).sum()
+}
+
 /// Rows of the matrix found in one step.
 const ROWS: usize = 64;
 
@@ -233,14 +238,15 @@ impl<'a> Radiosity<'a> {
         let mut radiosity = Self::with_system(world, division, solution.system.clone(), settings);
         let n = solution.system.n();
         let progress = progress.unwrap_or_else(|| Progress::new(division, settings, &solution.system));
-        if let Progress::Factors(parts, _) = &progress {
-            radiosity.n_pairs = (0..parts.len()).map(|i| (n - 1 - i) as u64).sum();
-        }
         if let Some(last) = solution.history.records.last() {
             (radiosity.n_pairs, radiosity.n_exchanges) = (last.n_pairs, last.n_exchanges);
             radiosity.has_converged = settings.stop.is_reached(last);
         } else if let Progress::Gathering(..) = &progress {
-            radiosity.n_pairs = n as u64 * (n as u64).saturating_sub(1) / 2;
+            radiosity.n_pairs = pairs_of(n, n);
+        }
+        // (A matrix that is made once more counts once more.)
+        if let Progress::Factors(parts, _) = &progress {
+            radiosity.n_pairs += pairs_of(parts.len(), n);
         }
         (radiosity.solution, radiosity.progress) = (solution, progress);
         radiosity
@@ -280,9 +286,9 @@ impl<'a> Radiosity<'a> {
         let n = self.solution.system.n();
         if parts.len() < n {
             let of = parts.len()..(parts.len() + ROWS).min(n);
-            self.n_pairs += of.clone().map(|i| (n - 1 - i) as u64).sum::<u64>();
+            self.n_pairs += pairs_of(of.end, n) - pairs_of(of.start, n);
             parts.extend(factors.part(of.start as u32..of.end as u32));
-            return Some(self.n_pairs as f64 / (0.5 * n as f64 * (n as f64 - 1.0)).max(1.0));
+            return Some(pairs_of(of.end, n) as f64 / pairs_of(n, n).max(1) as f64);
         }
         let matrix = factors.assemble(parts);
         self.solution.row_sums = (0..n).into_par_iter().map(|i| matrix.row_sum(i)).collect();

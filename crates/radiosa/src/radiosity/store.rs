@@ -54,7 +54,10 @@ impl mesh::Record {
         }
         let elements = u32::try_from(from.number()?).map_err(|_| wrong("too many elements"))?;
         let size = f64::from_bits(from.number()?);
-        let size = if size.is_nan() { None } else { Some(size).filter(|s| *s > 0.0) };
+        let size = if size.is_nan() { None } else { Some(size) };
+        if size.is_some_and(|s| s <= 0.0) {
+            return Err(wrong("its elements have no size"));
+        }
         let sides = match from.number()? {
             0 => Sides::Lit,
             1 => Sides::Both,
@@ -64,7 +67,11 @@ impl mesh::Record {
         let cuts_contacts = from.number()? != 0;
         let kept = from.any_array::<u8>()?.into_iter().map(|k| [k & 1 == 1, k & 2 == 2]).collect();
         let mut refined = Vec::new();
-        for _ in 0..from.number()?.min(MAX_LEVELS) {
+        let levels = from.number()?;
+        if levels > MAX_LEVELS {
+            return Err(wrong("it was refined too often"));
+        }
+        for _ in 0..levels {
             refined.push(from.any_array::<u8>()?.into_iter().map(|m| m != 0).collect());
         }
         let exposed = from.any_array()?;
@@ -194,7 +201,10 @@ impl Progress {
         let fresh = Self::new(division, settings, system);
         Ok(match (from.number()?, fresh) {
             (1, Self::Factors(_, sweep)) => {
-                let n_rows = from.number()?.min(n as u64);
+                let n_rows = from.number()?;
+                if n_rows > n as u64 {
+                    return Err(wrong("it has more rows than elements"));
+                }
                 let rows: io::Result<Vec<Row>> = (0..n_rows).map(|_| restore_entries(n, from)).collect();
                 Self::Factors(rows?, sweep)
             }
@@ -211,7 +221,7 @@ impl Progress {
         })
     }
 
-    /// Where a sweep stands beside the matrix: which kind it is, for messages.
+    /// The solver's name on the command line.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Factors(_, Sweep::Jacobi) | Self::Gathering(_, Sweep::Jacobi) => "jacobi",

@@ -81,8 +81,10 @@ impl In<'_> {
     /// # Errors
     /// When the stream ends, or holds another number of them.
     pub fn array<T: AnyBitPattern + NoUninit>(&mut self, n: usize) -> io::Result<Vec<T>> {
-        let values = self.any_array()?;
-        if values.len() == n { Ok(values) } else { Err(wrong("an array has another length than it should")) }
+        if self.number()? != n as u64 {
+            return Err(wrong("an array has another length than it should"));
+        }
+        self.values(n as u64)
     }
 }
 
