@@ -289,6 +289,101 @@ fn the_shadow_of_a_slab_is_coloured_by_its_absorption_and_dimmed_at_both_its_fac
     }
 }
 
+/// A white floor at `z` under a sun of unit light in the direction `theta` from the zenith, seen from just above it.
+fn floor_in_the_sun(mut scene: Scene, settings: &Settings, z: f64, theta: f64) -> [f64; 3] {
+    glow(&mut scene, z, Spectrum::WHITE);
+    *scene.materials.last_mut().expect("just added") = Material::lambert("floor", Spectrum::WHITE);
+    let kind = LightKind::Distant { to_light: DVec3::new(theta.sin(), 0.0, theta.cos()), unit: PhotometricUnit::Classic };
+    scene.lights.push(Light::new("sun", Spectrum::WHITE, kind));
+    pixel(scene, settings, DVec3::new(0.3, 0.1, z + 0.25), DVec3::NEG_Z).color.to_array().map(f64::from)
+}
+
+#[test]
+fn shadow_rays_pass_ice_in_water_as_light_does() {
+    let sigma = 0.2f64;
+    for theta in [0.0f64, 0.6, 1.2] {
+        let (water, ice, dry_ice) = reflectances(theta);
+        // Straight through: two metres of water, one of ice.
+        let way = (-sigma * 2.0 / theta.cos()).exp();
+        let shadow = |ice: f64| theta.cos() * ((1.0 - water) * (1.0 - ice)).powi(2) * way;
+        let [_, found, _] = floor_in_the_sun(ice_in_water(Spectrum::gray(sigma as f32)), &exact(), -1.0, theta);
+        assert!((found - shadow(ice)).abs() < 1e-4, "{found} instead of {} at {theta}", shadow(ice));
+        // The twin: ice as if it lay in air.
+        assert!((found - shadow(dry_ice)).abs() > 2e-3);
+    }
+}
+
+#[test]
+fn a_shadow_ray_from_inside_a_body_knows_where_it_starts() {
+    // The floor lies under the ice, in half a metre of water seen from inside it: the shadow ray enters the ice out of water.
+    let (sigma, theta) = (0.2f64, 0.9f64);
+    let (water, ice, dry_ice) = reflectances(theta);
+    let from_above = |scene: Scene| {
+        // The eye is in the air, so its ray knows the bodies it is in when it meets the floor.
+        let mut scene = scene;
+        glow(&mut scene, 0.5, Spectrum::WHITE);
+        *scene.materials.last_mut().expect("just added") = Material::lambert("floor", Spectrum::WHITE);
+        let kind = LightKind::Distant { to_light: DVec3::new(theta.sin(), 0.0, theta.cos()), unit: PhotometricUnit::Classic };
+        scene.lights.push(Light::new("sun", Spectrum::WHITE, kind));
+        // What the first way down shows, without what is reflected at the faces on the way.
+        f64::from(pixel(scene, &Settings { max_depth: 3, ..exact() }, DVec3::new(0.3, 0.1, 4.0), DVec3::NEG_Z).color.g)
+    };
+    let found = from_above(ice_in_water(Spectrum::gray(sigma as f32)));
+    let (eye_water, eye_ice, _) = reflectances(0.0);
+    let eye = (1.0 - eye_water) * (1.0 - eye_ice).powi(2) * (-sigma * 1.5).exp();
+    let shadow = |ice: f64| theta.cos() * (1.0 - water) * (1.0 - ice).powi(2) * (-sigma * 1.5 / theta.cos()).exp();
+    assert!((found - eye * shadow(ice)).abs() < 1e-4, "{found} instead of {}", eye * shadow(ice));
+    assert!((found - eye * shadow(dry_ice)).abs() > 2e-3, "the twin: ice as if it lay in air");
+}
+
+#[test]
+fn a_lamp_in_water_reaches_its_floor_through_water() {
+    let (sigma, height) = (0.7f64, 2.0f64);
+    let mut scene = Scene::new("pool");
+    add(&mut scene, slab(-1.0, 5.0), model(Phong { absorption: Spectrum::gray(sigma as f32), ..fresnel_glass(WATER) }));
+    glow(&mut scene, 0.0, Spectrum::WHITE);
+    *scene.materials.last_mut().expect("just added") = Material::lambert("floor", Spectrum::WHITE);
+    let kind = LightKind::Point {
+        position: DVec3::new(0.0, 0.0, height),
+        unit: PhotometricUnit::Classic,
+        attenuation: Default::default(),
+        range: f64::INFINITY,
+    };
+    scene.lights.push(Light::new("lamp", Spectrum::WHITE, kind));
+    let found = f64::from(pixel(scene, &Settings { max_depth: 1, ..exact() }, DVec3::Z * 6.0, DVec3::NEG_Z).color.g);
+    let (eye, way) = (1.0 - optics::interface_reflectance(0.0, WATER), 5.0 + height);
+    assert!((found - eye * (-sigma * way).exp()).abs() < 1e-4, "{found}");
+    assert!((found - eye * (-sigma * 5.0).exp()).abs() > 1e-3, "the twin: only the eye's ray is absorbed");
+}
+
+#[test]
+fn shadow_rays_weigh_glass_like_the_rays_of_the_eye() {
+    let theta = 1.1f64;
+    let r = optics::interface_reflectance(theta, 1.5);
+    let shadow = |phong: Phong, fresnel| {
+        let mut scene = Scene::new("pane");
+        add(&mut scene, slab(0.0, 1.0), model(phong));
+        floor_in_the_sun(scene, &Settings { fresnel, ..exact() }, -1.0, theta)[1] / theta.cos()
+    };
+    let thin = |phong: Phong| Phong { thin: true, ..phong };
+    let k_t = |phong: Phong| Phong { transmission: Spectrum::gray(0.5), ..phong };
+    let of_body = (1.0 - r).powi(2);
+    // A slab of two sheets: each passes all that bounces inside it.
+    let of_sheets = optics::slab_energy(r).1.powi(2);
+    for (what, phong, fresnel, expected) in [
+        ("a body as its material says", fresnel_glass(1.5), Fresnel::Material, of_body),
+        ("constants as their material says", k_t(glass(1.5)), Fresnel::Material, 0.25),
+        ("constants weighed", k_t(glass(1.5)), Fresnel::On, 0.25 * of_body),
+        ("Fresnel's glass as constants", fresnel_glass(1.5), Fresnel::Off, 1.0),
+        ("sheets", thin(fresnel_glass(1.5)), Fresnel::Material, of_sheets),
+        ("sheets of constants weighed", thin(k_t(glass(1.5))), Fresnel::On, 0.25 * of_sheets),
+    ] {
+        let found = shadow(phong, fresnel);
+        assert!((found - expected).abs() < 1e-4, "{what}: {found} instead of {expected}");
+    }
+    assert!((of_body - of_sheets).abs() > 1e-2, "the twin: sheets whose light does not bounce inside");
+}
+
 #[test]
 fn overlapping_bodies_refract_by_priority_like_exactly_touching_ones() {
     let (theta, glass_n, water_n) = (0.6, 1.5, 1.33);
@@ -317,17 +412,44 @@ fn ice_in_water_bends_by_the_ratio_of_both() {
     assert!((lands(scene.clone(), &exact(), theta) - expected).abs() < 1e-4);
     let wrong = optics::run_through_layers(&[(2.0, 1.33), (1.0, 1.31 * 1.33), (12.0, 1.0)], theta);
     assert!((wrong - expected).abs() > 1e-2, "an index taken relative to the surroundings is caught");
-    // And Fresnel's weights: hardly anything is reflected between the two.
-    for material in &mut scene.materials {
-        *material = match &material.model {
-            Model::Phong(m) => model(fresnel_glass(f64::from(m.ior))),
-            _ => unreachable!("all are glass"),
-        };
+}
+
+/// A slab of ice in the middle of one of water, from 0 to 3, both with Fresnel's weights; the water absorbs.
+fn ice_in_water(absorption: Spectrum) -> Scene {
+    let mut scene = Scene::new("ice");
+    add(&mut scene, slab(0.0, 3.0), model(Phong { absorption, ..fresnel_glass(WATER) }));
+    add(&mut scene, slab(1.0, 2.0), model(fresnel_glass(ICE)));
+    scene
+}
+
+const WATER: f64 = 1.33;
+const ICE: f64 = 1.31;
+
+/// The reflectances of water's and of ice's surface for a ray that runs under `theta` outside, and the wrong one of ice in vacuum.
+fn reflectances(theta: f64) -> (f64, f64, f64) {
+    let in_water = (theta.sin() / WATER).asin();
+    let of = optics::interface_reflectance;
+    (of(theta, WATER), of(in_water, ICE / WATER), of(theta, ICE))
+}
+
+#[test]
+fn ice_in_water_passes_what_all_bounces_between_its_four_faces_sum_to() {
+    // Layers of reflectances R pass T with (1 − T)/T = Σ R/(1 − R), the slab's (1 − R)/(1 + R) being the case of two.
+    let pile = |all: [f64; 4]| 1.0 / (1.0 + all.iter().map(|r| r / (1.0 - r)).sum::<f64>());
+    for theta in [0.0, 0.6, 1.2] {
+        let mut scene = ice_in_water(Spectrum::BLACK);
+        glow(&mut scene, 8.0, Spectrum::new(1.0, 0.0, 0.0));
+        glow(&mut scene, -2.0, Spectrum::new(0.0, 1.0, 0.0));
+        let settings = Settings { min_weight: 1e-7, ..exact() };
+        let seen = pixel(scene, &settings, DVec3::Z * 4.0, down(theta)).color;
+        let (water, ice, dry_ice) = reflectances(theta);
+        let passed = pile([water, ice, ice, water]);
+        let found = [f64::from(seen.r), f64::from(seen.g)];
+        assert!((found[1] - passed).abs() < 1e-4, "{} instead of {passed} at {theta}", found[1]);
+        assert!((found[0] - (1.0 - passed)).abs() < 1e-4, "the rest is reflected: {} at {theta}", found[0]);
+        // The twin: ice as if it lay in air.
+        assert!((found[1] - pile([water, dry_ice, dry_ice, water])).abs() > 1e-2);
     }
-    scene.background = Spectrum::WHITE;
-    let seen = pixel(scene, &Settings { max_depth: 4, ..exact() }, DVec3::Z * 5.0, DVec3::NEG_Z).color.g;
-    let passed = (1.0 - optics::interface_reflectance(0.0, 1.33)).powi(2);
-    assert!((f64::from(seen) - passed).abs() < 0.03 && seen < 1.0, "{seen}, about {passed}");
 }
 
 // ------------------------------------------------------------------------------------------------ mirrors and limits
@@ -458,6 +580,33 @@ fn a_rough_metal_in_uniform_light_shows_its_albedo() {
         let expected = ggx_albedo(f64::from(roughness * roughness), 0.3);
         assert!((seen - expected).abs() < 0.02, "roughness {roughness}: {seen} instead of {expected}");
     }
+}
+
+#[test]
+fn rough_metal_shows_a_lamp_behind_glass_once() {
+    // A lamp above rough metal, seen by the highlight's shadow rays and by the rays of the rough mirror; a pane of k_t = ½ between them.
+    let k_t = 0.5f32;
+    let seen = |has_pane: bool, transparent_shadows: bool| {
+        let mut scene = Scene::new("lamp over metal");
+        let metal = MetallicRoughness { roughness: ScalarMap::constant(0.6), ..MetallicRoughness::default() };
+        add(&mut scene, slab(-1.0, 0.0), Material { model: Model::MetallicRoughness(metal), ..Material::default() });
+        let mut lamp = slab(3.0, 3.5);
+        lamp.positions.iter_mut().for_each(|p| (p.x, p.y) = (p.x / WIDE, p.y / WIDE));
+        let black = Phong { diffuse: ColorMap::constant(Spectrum::BLACK), ..Phong::default() };
+        add(&mut scene, lamp, Material { emission: ColorMap::constant(Spectrum::gray(5.0)), ..model(black) });
+        if has_pane {
+            let mut pane = slab(2.0, 2.1);
+            pane.triangles.retain(|t| t.iter().all(|v| *v >= 4));
+            add(&mut scene, pane, model(Phong { thin: true, transmission: Spectrum::gray(k_t), ..glass(1.5) }));
+        }
+        let settings = Settings { samples: 2000, transparent_shadows, ..exact() };
+        pixel(scene, &settings, DVec3::new(-1.0, 0.0, 1.5), DVec3::new(0.7, 0.1, -1.5)).color.g
+    };
+    let (alone, behind) = (seen(false, true), seen(true, true));
+    assert!(alone > 0.1 && (behind - k_t * alone).abs() < 0.02 * alone, "{behind} behind glass, {alone} without");
+    // Where glass casts full shadows the rays of the rough mirror are all that finds the lamp, and find as much.
+    let by_rays = seen(true, false);
+    assert!((by_rays - behind).abs() < 0.1 * behind, "{by_rays} instead of {behind}");
 }
 
 #[test]
@@ -625,12 +774,23 @@ fn what_a_mirror_shows_is_direct_once_and_indirect_beyond() {
 
 #[test]
 fn glass_casts_a_filtered_shadow_or_a_full_one() {
-    let light = |transparent_shadows| {
-        let settings = Settings { transparent_shadows, ..Settings::default() };
-        let film = render(built_in("whitted"), &settings, 1);
-        film.plane("diffuse.R").expect("all layers").iter().sum::<f32>()
+    // Tinted, weighed and absorbing: k_t² (1 − F)² exp(−σ t/cos θ) by channel, or nothing at all.
+    let (k_t, sigma, theta, t) = ([0.9f64, 0.6, 0.3], [0.1f64, 0.4, 0.9], 0.7f64, 1.5f64);
+    let color = |c: [f64; 3]| Spectrum::from(c.map(|v| v as f32));
+    let shadow = |transparent_shadows| {
+        let mut scene = Scene::new("tinted glass");
+        let tinted = Phong { transmission: color(k_t), absorption: color(sigma), ..fresnel_glass(1.5) };
+        add(&mut scene, slab(0.0, t), model(tinted));
+        floor_in_the_sun(scene, &Settings { transparent_shadows, ..exact() }, -1.0, theta)
     };
-    assert!(light(true) > light(false) * 1.005, "{} and {}", light(true), light(false));
+    let open = 1.0 - optics::interface_reflectance(theta, 1.5);
+    for ((found, k), sigma) in shadow(true).into_iter().zip(k_t).zip(sigma) {
+        let expected = theta.cos() * (k * open).powi(2) * (-sigma * t / theta.cos()).exp();
+        assert!((found - expected).abs() < 1e-4, "{found} instead of {expected}");
+        // The twins: filtered once for both faces, or absorbed over the thickness alone.
+        assert!((found - expected / (k * open)).abs() > 1e-3 && (found - expected * (sigma * t).exp()).abs() > 1e-3);
+    }
+    assert_eq!(shadow(false), [0.0; 3]);
 }
 
 #[test]

@@ -43,6 +43,11 @@ pub fn refract(w: Vec3, n: Vec3, eta: f32) -> Option<Vec3> {
     (sin2_t < 1.0).then(|| (tangent * -eta - n * (1.0 - sin2_t).sqrt()).normalize())
 }
 
+/// What a sheet reflects whose two faces reflect `r` each, with all the light that bounces inside: R + T²R/(1 − R²) = 2R/(1 + R). The rest passes.
+pub(super) fn of_sheet(r: f32) -> f32 {
+    2.0 * r / (1.0 + r)
+}
+
 /// Reflected and refracted ray with constants `k_r`, `k_t`, weighed by Fresnel for the index `fresnel_ior` when given.
 /// What cannot be refracted is reflected.
 pub(super) fn specular_rays(
@@ -60,8 +65,7 @@ pub(super) fn specular_rays(
     // A sheet has its outside on both sides.
     let relative = |ior: f32| if entering || transmission.is_some_and(|t| t.thin) { ior } else { 1.0 / ior };
     let facet = fresnel_ior.map(|ior| fresnel::dielectric(cos_o, relative(ior)));
-    // Light bouncing inside the sheet: R + T²R/(1 − R²) = 2R/(1 + R) leaves in front, the rest behind.
-    let facet = facet.map(|r| if transmission.is_some_and(|t| t.thin) { 2.0 * r / (1.0 + r) } else { r });
+    let facet = facet.map(|r| if transmission.is_some_and(|t| t.thin) { of_sheet(r) } else { r });
     let mut reflect = k_r * facet.unwrap_or(1.0);
     let refracted = transmission.and_then(|t| {
         let direction = if t.thin { Some(-wo) } else { refract(wo, n, 1.0 / relative(t.ior)) };

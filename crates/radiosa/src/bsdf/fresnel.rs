@@ -4,6 +4,18 @@
 use crate::scene;
 use crate::spectrum::Spectrum;
 
+/// How the constants `k_r`, `k_t` of mirrors and glass are weighed. Metallic–roughness materials are Fresnel's by definition.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Weighing {
+    /// As the material says.
+    #[default]
+    Material,
+    /// Everything transparent by Fresnel's equations: `k_r F`, `k_t (1 − F)`.
+    On,
+    /// The constants as they are, as in 1980.
+    Off,
+}
+
 /// Exact reflectance of an interface without absorption.
 ///
 /// `cos_i` in `[0, 1]` on the side the light comes from, `eta` = index on the other side over index on this one; 1 under total

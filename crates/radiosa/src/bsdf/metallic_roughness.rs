@@ -127,19 +127,34 @@ impl MetallicRoughness {
         })
     }
 
+    /// What the coat reflects under `cos_o`. Into something thinner there is a critical angle from outside, too, which Schlick's approximation
+    /// does not know.
+    fn coat_from_outside(&self, cos_o: f32) -> Spectrum {
+        if self.ior < 1.0 {
+            Spectrum::gray(fresnel::dielectric(cos_o, self.ior))
+        } else {
+            fresnel::schlick(cos_o, self.f0) * self.specular
+        }
+    }
+
+    /// The transmitting part, less what the coat reflects under `cos_o` outside, or the interface where light leaves a body.
+    pub(super) fn straight_transmission(&self, cos_o: f32, entering: bool) -> Spectrum {
+        self.transmission().map_or(Spectrum::BLACK, |t| {
+            let is_leaving = !entering && !t.thin;
+            let reflected =
+                if is_leaving { fresnel::dielectric(cos_o, self.ior) } else { self.coat_from_outside(cos_o).max_channel() };
+            t.weight * (1.0 - reflected)
+        })
+    }
+
     /// The rays of a smooth coat or metal, and through the transmitting part. From inside a body the coat is the exact interface, since
     /// Schlick's approximation knows no total internal reflection.
     pub fn specular_rays(&self, n: Vec3, wo: Vec3, entering: bool) -> SpecularRays {
         let cos_o = n.dot(wo).clamp(0.0, 1.0);
         let transmission = self.transmission();
         let from_inside = !entering && self.thick && transmission.is_some();
-        let coat = if from_inside {
-            Spectrum::gray(fresnel::dielectric(cos_o, 1.0 / self.ior))
-        } else {
-            fresnel::schlick(cos_o, self.f0) * self.specular
-        };
-        // Into something thinner there is a critical angle from outside, too.
-        let coat = if !from_inside && self.ior < 1.0 { Spectrum::gray(fresnel::dielectric(cos_o, self.ior)) } else { coat };
+        let coat =
+            if from_inside { Spectrum::gray(fresnel::dielectric(cos_o, 1.0 / self.ior)) } else { self.coat_from_outside(cos_o) };
         let mut rays = SpecularRays::default();
         if self.is_smooth() || from_inside {
             let weight = coat * (1.0 - self.metallic) + fresnel::schlick(cos_o, self.base_color) * self.metallic;

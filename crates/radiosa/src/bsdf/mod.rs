@@ -28,6 +28,8 @@ use crate::math::{Frame, Vec2, Vec3};
 use crate::scene::{ColorMap, Distribution, Material, Model, ScalarMap};
 use crate::spectrum::Spectrum;
 
+use fresnel::Weighing;
+
 pub use dielectric::{SpecularRays, Transmission};
 
 /// Reads textures and vertex colours at one point of a surface.
@@ -225,9 +227,31 @@ impl Bsdf {
         self
     }
 
+    /// What passes straight through a surface seen from `wo`: `k_t`, less what its facets reflect where the material is weighed by them (constants
+    /// are taken as they are). `n` and `entering` as in [`Self::specular_rays`], `surroundings` the index of what is around the body.
+    ///
+    /// A straight ray cannot tell at which angle a refracted one would meet a face. It is taken to run through parallel layers, in which `n sin θ`
+    /// is the same everywhere, with `wo` its direction in vacuum: `sin θ = sin(n, wo) / surroundings` around the body.
+    pub fn straight_transmission(&self, n: Vec3, wo: Vec3, entering: bool, surroundings: f32) -> Spectrum {
+        let of = |bsdf: &Self, cos: f32| match bsdf {
+            Self::Unlit(_) | Self::CookTorrance(_) => Spectrum::BLACK,
+            Self::Phong(m) => m.straight_transmission(cos),
+            Self::MetallicRoughness(m) => m.straight_transmission(cos, entering),
+        };
+        let cos = n.dot(wo).clamp(0.0, 1.0);
+        if surroundings == 1.0 {
+            return of(self, cos);
+        }
+        let sin2 = (1.0 - cos * cos) / (surroundings * surroundings);
+        of(&self.within(surroundings), (1.0 - sin2).max(0.0).sqrt())
+    }
+
     /// Weighs the constants `k_r`, `k_t` of something transparent by Fresnel's equations, or not. Metallic–roughness has no constants.
-    pub fn with_fresnel(mut self, is_weighed: bool) -> Self {
-        if let Self::Phong(m) = &mut self {
+    pub fn weighed(mut self, by: Weighing) -> Self {
+        if by != Weighing::Material
+            && let Self::Phong(m) = &mut self
+        {
+            let is_weighed = by == Weighing::On;
             m.fresnel = match m.transmission {
                 Some(t) => is_weighed.then_some(t.ior),
                 None => m.fresnel.filter(|_| is_weighed),

@@ -8,7 +8,7 @@
 
 use std::f32::consts::{FRAC_1_PI, PI};
 
-use super::{Lobes, Lookup, Transmission, fresnel, lambert, mirror};
+use super::{Lobes, Lookup, Transmission, dielectric, fresnel, lambert, mirror};
 use crate::math::{Vec3, function};
 use crate::scene::{self, PhongLobe};
 use crate::spectrum::Spectrum;
@@ -83,6 +83,14 @@ impl Phong {
         } else {
             self.mirror
         }
+    }
+
+    /// `k_t`, less what the surface reflects under `cos_o` from outside: one face of a body, or both of a sheet.
+    pub(super) fn straight_transmission(&self, cos_o: f32) -> Spectrum {
+        self.transmission.map_or(Spectrum::BLACK, |t| {
+            let facet = self.fresnel.map_or(0.0, |ior| fresnel::dielectric(cos_o, ior));
+            t.weight * (1.0 - if t.thin { dielectric::of_sheet(facet) } else { facet })
+        })
     }
 
     /// `(k_d/π)(n·wi)` and `(k_s/π)(r·wo)^n` or `(k_s/π)(n·h)^n`, zero when `n·wi ≤ 0`.

@@ -11,7 +11,7 @@ use crate::math::{Frame, Vec3};
 use crate::sampling::{rng, sequence, warp};
 use crate::scene::LightKind;
 use crate::spectrum::Spectrum;
-use crate::transport::{Emitters, LightSettings, Lights, Surface, World};
+use crate::transport::{Emitters, LightSettings, Lights, Passage, Surface, World};
 
 /// Points of an element at first, and where they disagree.
 const POINTS: [u32; 2] = [4, 64];
@@ -134,7 +134,7 @@ impl<'a> DirectLight<'a> {
         if radiance.is_black() {
             return radiance;
         }
-        radiance * self.world.transmittances(&[surface.ray(dir); 8], 1, true, &mut 0)[0] * std::f32::consts::PI
+        radiance * self.world.transmittances(&[surface.ray(dir); 8], 1, Passage::STRAIGHT, &mut 0)[0] * std::f32::consts::PI
     }
 
     /// Radiance from where no surface is.

@@ -16,7 +16,7 @@ use super::mesh::{self, ElementMesh};
 use crate::accel::Hit;
 use crate::math::{Frame, Ray, Vec3};
 use crate::sampling::{rng, sequence, warp};
-use crate::transport::{Surface, World};
+use crate::transport::{Passage, Surface, World};
 
 /// Strata along each side of an element's unit square: the first points of an element lie one in each.
 const SIDE: usize = 4;
@@ -135,5 +135,5 @@ fn node_at(mesh: &ElementMesh, hit: &Hit, p: Vec3, dir: Vec3) -> Option<usize> {
 /// Nothing opaque lies between.
 fn is_free(world: &World, from: Vec3, to: Vec3) -> bool {
     let ray = Ray { origin: from, dir: to - from, t_max: 1.0 };
-    !world.transmittances(&[ray; 8], 1, true, &mut 0)[0].is_black()
+    !world.transmittances(&[ray; 8], 1, Passage::STRAIGHT, &mut 0)[0].is_black()
 }

@@ -22,7 +22,7 @@ use crate::spectrum::Spectrum;
 use crate::transport::eye::{self, BEHIND_MAX, NEGLIGIBLE};
 use crate::transport::media::{self, Media, Medium};
 use crate::transport::{
-    Emitters, Footprint, Integrator, LightSettings, Lights, LocalLight, Shading, Surface, Viewer, World, default_light,
+    Emitters, Footprint, Glass, Integrator, LightSettings, Lights, LocalLight, Shading, Surface, Viewer, World, default_light,
 };
 
 /// The deepest recursion there is, whatever is asked for: the machine's stack is finite.
@@ -30,17 +30,7 @@ pub const DEPTH_LIMIT: u32 = 64;
 /// Surfaces one camera sample meets at most: constants `k_r = k_t = 1` would otherwise double the rays at every depth.
 const MAX_SURFACES: u32 = 1 << 15;
 
-/// How mirrors and glass made of constants `k_r`, `k_t` are weighed. Metallic–roughness materials are Fresnel's by definition.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Fresnel {
-    /// As the material says.
-    #[default]
-    Material,
-    /// Everything transparent by Fresnel's equations: `k_r F`, `k_t (1 − F)`.
-    On,
-    /// The constants as they are, as in 1980.
-    Off,
-}
+pub use crate::bsdf::fresnel::Weighing as Fresnel;
 
 /// What recursive ray tracing can be asked for.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,10 +88,8 @@ pub struct Whitted {
 impl Whitted {
     /// Prepares the lights of a world. `forward` is the direction the camera looks in, for viewers at infinity.
     pub fn new(world: &World, settings: &Settings, forward: Vec3) -> Self {
-        let mut lights = Lights::prepare(world, &settings.lights, &settings.extra_lights);
-        if !settings.transparent_shadows {
-            lights = lights.with_full_shadows();
-        }
+        let glass = if settings.transparent_shadows { Glass::Clear(settings.fresnel) } else { Glass::Opaque };
+        let mut lights = Lights::prepare(world, &settings.lights, &settings.extra_lights).with_glass(glass);
         if settings.samples > 1 {
             lights = lights.with_random_points(world);
         }
@@ -125,7 +113,7 @@ impl Integrator for Whitted {
     fn sample(&self, world: &World, ray: &Ray, stream: &mut Stream, n_rays: &mut u64) -> Pixel {
         let mut pixel = Pixel::default();
         let mut tracer = Tracer { method: self, world, stream, n_rays, n_surfaces: 0 };
-        let left = tracer.follow(ray, &Media::default(), Reach::of_the_eye(), &mut pixel);
+        let left = tracer.follow(ray, &Media::VACUUM, Reach::of_the_eye(), &mut pixel);
         pixel.alpha = 1.0 - left;
         pixel
     }
@@ -254,9 +242,7 @@ impl Tracer<'_> {
         for layer in 0..BEHIND_MAX {
             *self.n_rays += 1;
             let Some((hit, mut surface)) = world.closest_visible(&ray) else {
-                if let Some(medium) = media.current() {
-                    open = open * media::transmittance(medium.absorption, f32::INFINITY);
-                }
+                open = open * media::transmittance_of(media.current(), f32::INFINITY);
                 sink.background(open * self.behind(ray.dir, reach, layer == 0));
                 return uncovered;
             };
@@ -271,14 +257,12 @@ impl Tracer<'_> {
             let mut surroundings = media.ior();
             let mut other_side;
             let mut behind = media;
-            let mut through = media.current().map(|medium| medium.absorption);
+            let mut through = media.current().copied();
             if let Some(t) = transmission.filter(|t| !t.thin) {
                 other_side = *media;
                 let boundary = other_side.pass(Medium::of(&surface, &t), entering);
-                through = boundary.began_in.map(|medium| medium.absorption).or(through);
-                if let Some(absorption) = through {
-                    open = open * media::transmittance(absorption, hit.t);
-                }
+                through = boundary.began_in.or(through);
+                open = open * media::transmittance_of(through.as_ref(), hit.t);
                 let Some(ior) = boundary.surroundings else {
                     // Hidden in a body of higher priority: there is no surface here.
                     media_behind = other_side;
@@ -287,8 +271,8 @@ impl Tracer<'_> {
                     continue;
                 };
                 (surroundings, behind) = (ior, &other_side);
-            } else if let Some(absorption) = through {
-                open = open * media::transmittance(absorption, hit.t);
+            } else {
+                open = open * media::transmittance_of(through.as_ref(), hit.t);
             }
             sink.meet(world, &surface, &shading, distance);
             let weight = open * shading.coverage;
@@ -349,7 +333,8 @@ impl Tracer<'_> {
         }
         let n_points = if reach.depth == 0 { settings.samples } else { 1 };
         let random = (n_points, &mut *self.stream);
-        let local = self.method.lights.at_random(self.world, surface, shading, settings.shadows, random, self.n_rays);
+        let local =
+            self.method.lights.at_random(self.world, surface, shading, settings.shadows.then_some(media.0), random, self.n_rays);
         let shown = shading.bsdf.unlit().unwrap_or(Spectrum::BLACK);
         let is_counted = reach.roughness > 0.0 && settings.lights.emitters != Emitters::Ignore;
         let emission = if is_counted { shown } else { shading.emission + shown };
@@ -362,7 +347,7 @@ impl Tracer<'_> {
         let bsdf = match settings.fresnel {
             Fresnel::Material => &shading.bsdf,
             Fresnel::On | Fresnel::Off => {
-                reweighed = shading.bsdf.with_fresnel(settings.fresnel == Fresnel::On);
+                reweighed = shading.bsdf.weighed(settings.fresnel);
                 &reweighed
             }
         };
@@ -386,7 +371,10 @@ impl Tracer<'_> {
             light.reflected.add(k_r, self.beyond(surface, kept_above(dir, ng), this_side, reach, k_r, 0.0));
         }
         if let Some((dir, k_t)) = rays.refracted {
-            light.refracted.add(k_t, self.beyond(surface, kept_above(dir, -ng), other_side, reach, k_t, 0.0));
+            // Where shadow rays pass transparent things, too, the highlight shows the light sources behind them already.
+            let settings = &self.method.settings;
+            let roughness = if settings.shadows && !settings.transparent_shadows { 0.0 } else { reach.roughness };
+            light.refracted.add(k_t, self.beyond(surface, kept_above(dir, -ng), other_side, reach, k_t, roughness));
         }
     }
 

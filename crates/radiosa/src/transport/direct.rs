@@ -1,8 +1,10 @@
 //! Direct light at a surface from everything that is not traced further: the sum over lights that ray casting, Whitted's method and
 //! radiosity's displayed direct part share.
 
-use super::{Shading, Surface, World};
+use super::media::Media;
+use super::{Glass, Passage, Shading, Surface, World};
 use crate::bsdf::Bsdf;
+use crate::bsdf::fresnel::Weighing;
 use crate::emitter::area::{self, PointSample};
 use crate::emitter::environment::Sky;
 use crate::emitter::random::PointSampler;
@@ -68,8 +70,8 @@ pub struct Lights {
     n_wanted: usize,
     /// So few shadow rays leave a point that each is traced alone.
     few: bool,
-    /// Transparent things cast shadows like opaque ones.
-    full_shadows: bool,
+    /// What shadow rays do at transparent things.
+    glass: Glass,
     /// Draws points on emissive surfaces, instead of the fixed ones.
     random_points: Option<PointSampler>,
 }
@@ -112,12 +114,13 @@ impl Lights {
         }
         let ambient = scene.ambient + emitters.iter().map(Emitter::ambient).sum();
         let few = emitters.iter().map(Emitter::n_directions).sum::<usize>() <= World::FEW_SEGMENTS;
-        Self { emitters, ambient, n_points, n_wanted, few, full_shadows: false, random_points: None }
+        let glass = Glass::Clear(Weighing::Material);
+        Self { emitters, ambient, n_points, n_wanted, few, glass, random_points: None }
     }
 
-    /// Transparent things cast full shadows, as in Whitted's paper; holes of masks and of coverage stay holes.
-    pub fn with_full_shadows(mut self) -> Self {
-        self.full_shadows = true;
+    /// Shadow rays do this at transparent things.
+    pub fn with_glass(mut self, glass: Glass) -> Self {
+        self.glass = glass;
         self
     }
 
@@ -156,9 +159,10 @@ impl Lights {
         })
     }
 
-    /// What every light does at a surface; `n_rays` grows by the shadow rays traced (none when `shadows` is off).
+    /// What every light does at a surface in vacuum; `n_rays` grows by the shadow rays traced (none when `shadows` is off).
     pub fn at(&self, world: &World, surface: &Surface, shading: &Shading, shadows: bool, n_rays: &mut u64) -> LocalLight {
-        self.gather(world, surface, shading, shadows, (&self.emitters, &[]), n_rays)
+        let passage = shadows.then_some(Passage { glass: self.glass, media: &Media::VACUUM });
+        self.gather(world, surface, shading, passage, (&self.emitters, &[]), n_rays)
     }
 
     /// The irradiance of a surface from the side of `n` (unit), W/m² or lux, with shadows: π times the radiance of a white one.
@@ -167,17 +171,21 @@ impl Lights {
         self.at(world, surface, &white, true, &mut 0).diffuse * std::f32::consts::PI
     }
 
-    /// As [`Self::at`], with `n` points drawn on the emissive surfaces, when [`Self::with_random_points`] asks for that.
-    pub fn at_random(
+    /// As [`Self::at`] within some bodies (`None` without shadows), with `n` points drawn on the emissive surfaces, when
+    /// [`Self::with_random_points`] asks for that.
+    pub(crate) fn at_random(
         &self,
         world: &World,
         surface: &Surface,
         shading: &Shading,
-        shadows: bool,
+        shadows_in: Option<&Media>,
         (n, stream): (u32, &mut Stream),
         n_rays: &mut u64,
     ) -> LocalLight {
-        let Some(sampler) = &self.random_points else { return self.at(world, surface, shading, shadows, n_rays) };
+        let passage = shadows_in.map(|media| Passage { glass: self.glass, media });
+        let Some(sampler) = &self.random_points else {
+            return self.gather(world, surface, shading, passage, (&self.emitters, &[]), n_rays);
+        };
         // A few at a time, so that nothing is allocated.
         let mut light = LocalLight::default();
         let key = u64::from(stream.next_u32()) << 32 | u64::from(stream.next_u32());
@@ -188,7 +196,7 @@ impl Lights {
                 *point = sampler.point(first + i as u32, n, key);
             }
             let emitters = if first == 0 { &self.emitters[..] } else { &[] };
-            let part = self.gather(world, surface, shading, shadows, (emitters, &points[..here as usize]), n_rays);
+            let part = self.gather(world, surface, shading, passage, (emitters, &points[..here as usize]), n_rays);
             light.diffuse += part.diffuse;
             light.specular += part.specular;
             light.ambient = part.ambient;
@@ -196,13 +204,13 @@ impl Lights {
         light
     }
 
-    /// What some emitters and points do, and the ambient light of all.
+    /// What some emitters and points do, and the ambient light of all; without shadows where there is no `passage`.
     fn gather(
         &self,
         world: &World,
         surface: &Surface,
         shading: &Shading,
-        shadows: bool,
+        passage: Option<Passage<'_>>,
         (emitters, points): (&[Emitter], &[PointSample]),
         n_rays: &mut u64,
     ) -> LocalLight {
@@ -210,9 +218,8 @@ impl Lights {
         if shading.bsdf.is_specular_only() {
             return light;
         }
-        let through_glass = !self.full_shadows;
         let mut batch: Option<Batch> = None;
-        let p = if shadows { world.shadow_origin(surface, shading.n) } else { surface.p };
+        let p = if passage.is_some() { world.shadow_origin(surface, shading.n) } else { surface.p };
         // Where shadow rays leave to either side: the same for every light.
         let mut origins: [Option<Vec3>; 2] = [None; 2];
         let mut shadow_ray = |incident: &Incident| {
@@ -236,17 +243,19 @@ impl Lights {
                 return;
             }
             let mut passed = Spectrum::WHITE;
-            if shadows && incident.casts_shadow {
+            if let Some(passage) = passage
+                && incident.casts_shadow
+            {
                 let ray = shadow_ray(&incident);
                 if !self.few {
-                    let batch = batch.get_or_insert_with(|| Batch::new(through_glass));
+                    let batch = batch.get_or_insert_with(|| Batch::new(passage));
                     batch.push(ray, diffuse, specular);
                     if batch.n == 8 {
                         batch.flush(world, light, n_rays);
                     }
                     return;
                 }
-                passed = world.transmittance(&ray, through_glass, n_rays);
+                passed = world.transmittance(&ray, passage, n_rays);
             }
             light.diffuse += diffuse * passed;
             light.specular += specular * passed;
@@ -273,17 +282,17 @@ impl Lights {
 }
 
 /// Shadow rays of one point, asked eight at a time: towards an emitter's points they keep together, which packets like.
-struct Batch {
+struct Batch<'a> {
     rays: [Ray; 8],
     light: [(Spectrum, Spectrum); 8],
     n: usize,
-    /// They pass what is transparent.
-    through_glass: bool,
+    /// How they pass what is transparent.
+    passage: Passage<'a>,
 }
 
-impl Batch {
-    fn new(through_glass: bool) -> Self {
-        Self { rays: [Ray::new(Vec3::ZERO, Vec3::Y); 8], light: [Default::default(); 8], n: 0, through_glass }
+impl<'a> Batch<'a> {
+    fn new(passage: Passage<'a>) -> Self {
+        Self { rays: [Ray::new(Vec3::ZERO, Vec3::Y); 8], light: [Default::default(); 8], n: 0, passage }
     }
 
     fn push(&mut self, ray: Ray, diffuse: Spectrum, specular: Spectrum) {
@@ -294,7 +303,7 @@ impl Batch {
 
     /// Adds what arrives of the collected light, in the order it was collected.
     fn flush(&mut self, world: &World, sum: &mut LocalLight, n_rays: &mut u64) {
-        let passed = world.transmittances(&self.rays, self.n, self.through_glass, n_rays);
+        let passed = world.transmittances(&self.rays, self.n, self.passage, n_rays);
         for ((diffuse, specular), passed) in self.light.iter().zip(passed).take(self.n) {
             sum.diffuse += *diffuse * passed;
             sum.specular += *specular * passed;

@@ -39,7 +39,7 @@ impl Medium {
 }
 
 /// The bodies a ray is in, in the order it entered them.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Media {
     bodies: [Medium; CAPACITY],
     n: usize,
@@ -55,6 +55,10 @@ pub(crate) struct Boundary {
 }
 
 impl Media {
+    /// In none.
+    pub(crate) const VACUUM: Self =
+        Self { bodies: [Medium { body: (0, 0), ior: 1.0, absorption: Spectrum::BLACK, priority: 0 }; CAPACITY], n: 0 };
+
     /// What the ray travels in; `None` for vacuum.
     pub(crate) fn current(&self) -> Option<&Medium> {
         // The last of equal ones.
@@ -88,6 +92,11 @@ impl Media {
     }
 }
 
+/// What is left of light after `distance` metres in a medium, or in none.
+pub(crate) fn transmittance_of(medium: Option<&Medium>, distance: f32) -> Spectrum {
+    medium.map_or(Spectrum::WHITE, |medium| transmittance(medium.absorption, distance))
+}
+
 /// What is left of light after `distance` metres: `exp(−σ d)` by channel (Beer's law). Nothing comes from infinitely far.
 pub(crate) fn transmittance(absorption: Spectrum, distance: f32) -> Spectrum {
     absorption.map(|sigma| if sigma > 0.0 { function::exp(-sigma * distance) } else { 1.0 })
@@ -105,7 +114,7 @@ mod tests {
     fn the_higher_priority_hides_the_lower_where_bodies_overlap() {
         let (glass, water) = (body(1, 1.5, 2), body(2, 1.33, 1));
         // Into the glass, the water begins unseen within it, out of the glass into water, out of the water.
-        let mut media = Media::default();
+        let mut media = Media::VACUUM;
         let mut pass = |body, entering| (media.pass(body, entering).surroundings, media.ior());
         assert_eq!(pass(glass, true), (Some(1.0), 1.5));
         assert_eq!(pass(water, true), (None, 1.5));
@@ -116,7 +125,7 @@ mod tests {
     #[test]
     fn of_equal_bodies_the_inner_one_counts() {
         let (block, bubble) = (body(1, 1.5, 0), body(2, 1.0, 0));
-        let mut media = Media::default();
+        let mut media = Media::VACUUM;
         media.pass(block, true);
         let mut pass = |body, entering| (media.pass(body, entering).surroundings, media.ior());
         assert_eq!(pass(bubble, true), (Some(1.5), 1.0));
@@ -125,14 +134,14 @@ mod tests {
 
     #[test]
     fn a_ray_that_leaves_what_it_never_entered_began_inside() {
-        let (glass, mut media) = (body(1, 1.5, 0), Media::default());
+        let (glass, mut media) = (body(1, 1.5, 0), Media::VACUUM);
         let out = media.pass(glass, false);
         assert_eq!((out.surroundings, out.began_in, media.ior()), (Some(1.0), Some(glass), 1.0));
     }
 
     #[test]
     fn more_bodies_than_fit_do_no_harm() {
-        let mut media = Media::default();
+        let mut media = Media::VACUUM;
         for i in 0..3 * CAPACITY as u32 {
             media.pass(body(i, 1.0 + i as f32, 0), true);
         }

@@ -19,7 +19,7 @@ mod world;
 pub use direct::{Emitters, LightSettings, Lights, LocalLight, Viewer};
 pub use footprint::Footprint;
 pub use integrator::Integrator;
-pub use shading::{Shading, Textures};
+pub use shading::{Glass, Passage, Shading, Textures};
 pub use solver::{Solver, Step};
 pub use surface::Surface;
 pub use unshadowed::{LightColumns, Unshadowed};

@@ -3,7 +3,7 @@
 use super::media::{self, Media, Medium};
 use super::{Surface, World};
 use crate::accel::Hit;
-use crate::bsdf::fresnel;
+use crate::bsdf::fresnel::Weighing;
 use crate::bsdf::texture;
 use crate::bsdf::{Bsdf, Lookup};
 use crate::math::{Frame, Ray, Vec2, Vec3, Vec4};
@@ -34,16 +34,41 @@ pub struct Shading {
 }
 
 impl Shading {
-    /// What passes straight through a transmitting surface: its transmission, less what Fresnel's equations reflect where the material is weighed by them
-    /// (constants `k_t` are taken as they are).
-    pub fn straight_transmission(&self) -> Spectrum {
-        self.bsdf.transmission().map_or(Spectrum::BLACK, |t| {
-            if matches!(&self.bsdf, Bsdf::Phong(m) if m.fresnel.is_none()) {
-                return t.weight;
-            }
-            // From outside on both faces: a straight ray leaves a sheet as it entered it.
-            t.weight * (1.0 - fresnel::dielectric(self.n.dot(self.wo).clamp(0.0, 1.0), t.ior))
-        })
+    /// What passes straight through, seen from `wo` in vacuum ([`Bsdf::straight_transmission`]).
+    pub fn straight_transmission(&self, surface: &Surface) -> Spectrum {
+        self.bsdf.straight_transmission(self.n, self.wo, surface.is_front(self.wo), 1.0)
+    }
+}
+
+/// What shadow rays do at transparent things.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Glass {
+    /// Transparent things cast shadows like opaque ones; holes of masks and of coverage stay holes.
+    Opaque,
+    /// Light passes straight, filtered by the surfaces, whose constants are weighed so, and by the bodies.
+    Clear(Weighing),
+}
+
+/// How a shadow ray passes what is transparent.
+#[derive(Clone, Copy, Debug)]
+pub struct Passage<'a> {
+    pub(crate) glass: Glass,
+    /// The bodies it starts in.
+    pub(crate) media: &'a Media,
+}
+
+impl Passage<'static> {
+    /// Straight, from vacuum, as the materials say.
+    pub const STRAIGHT: Self = Self { glass: Glass::Clear(Weighing::Material), media: &Media::VACUUM };
+}
+
+impl Passage<'_> {
+    /// What is left of the light on a segment that meets nothing.
+    fn absorbed(&self, segment: &Ray) -> Spectrum {
+        match self.media.current() {
+            None => Spectrum::WHITE,
+            medium => media::transmittance_of(medium, segment.dir.length() * segment.t_max),
+        }
     }
 }
 
@@ -140,19 +165,18 @@ impl World {
         Some((hit, self.surface(ray, &hit)))
     }
 
-    /// The fractions of light that pass along the first `n` segments, straight through holes and, when `through_glass`, everything
-    /// transparent. White for the rest.
-    pub fn transmittances(&self, segments: &[Ray; 8], n: usize, through_glass: bool, n_rays: &mut u64) -> [Spectrum; 8] {
+    /// The fractions of light that pass along the first `n` segments, straight through holes and what is transparent. White for the rest.
+    pub fn transmittances(&self, segments: &[Ray; 8], n: usize, passage: Passage<'_>, n_rays: &mut u64) -> [Spectrum; 8] {
         if n <= Self::FEW_SEGMENTS {
-            let mut one = |segment| self.transmittance(segment, through_glass, n_rays);
+            let mut one = |segment| self.transmittance(segment, passage, n_rays);
             return std::array::from_fn(|i| if i < n { one(&segments[i]) } else { Spectrum::WHITE });
         }
         *n_rays += n as u64;
         let blocked = self.accel().occluded8(segments, ((1u32 << n) - 1) as u8);
         std::array::from_fn(|i| match blocked >> i & 1 == 1 {
-            true if self.has_transparency() => self.transmittance(&segments[i], through_glass, n_rays),
+            true if self.has_transparency() => self.transmittance(&segments[i], passage, n_rays),
             true => Spectrum::BLACK,
-            false => Spectrum::WHITE,
+            false => passage.absorbed(&segments[i]),
         })
     }
 
@@ -160,7 +184,7 @@ impl World {
     pub(super) const FEW_SEGMENTS: usize = 3;
 
     /// The fraction of light that passes along a segment, as in [`Self::transmittances`].
-    pub(super) fn transmittance(&self, segment: &Ray, through_glass: bool, n_rays: &mut u64) -> Spectrum {
+    pub(super) fn transmittance(&self, segment: &Ray, passage: Passage<'_>, n_rays: &mut u64) -> Spectrum {
         *n_rays += 1;
         if !self.has_transparency() {
             return if self.accel().occluded(segment) { Spectrum::BLACK } else { Spectrum::WHITE };
@@ -174,42 +198,41 @@ impl World {
         if self.accel().occluded_where(segment, is_opaque) {
             Spectrum::BLACK
         } else if meets_any {
-            self.transmittance_of_transparent(segment, through_glass, n_rays)
+            self.transmittance_of_transparent(segment, passage, n_rays)
         } else {
-            Spectrum::WHITE
+            passage.absorbed(segment)
         }
     }
 
     /// The fraction for a segment that meets transparent things only.
-    fn transmittance_of_transparent(&self, segment: &Ray, through_glass: bool, n_rays: &mut u64) -> Spectrum {
+    fn transmittance_of_transparent(&self, segment: &Ray, passage: Passage<'_>, n_rays: &mut u64) -> Spectrum {
         let mut passed = Spectrum::WHITE;
         let end = segment.at(segment.t_max);
         let mut ray = *segment;
-        let mut media = Media::default();
-        let absorb = |medium: Option<&Medium>, distance: f32| {
-            medium.map_or(Spectrum::WHITE, |m| media::transmittance(m.absorption, distance))
-        };
+        let mut media = *passage.media;
         for _ in 0..MAX_LAYERS {
             *n_rays += 1;
             let unit = ray.dir.length();
             let Some((hit, surface)) = self.closest_visible(&ray) else {
-                return passed * absorb(media.current(), unit * ray.t_max);
+                return passed * media::transmittance_of(media.current(), unit * ray.t_max);
             };
             let wo = -segment.dir.normalize();
             let shading = self.shading(&surface, wo);
-            let mut glass = if through_glass { shading.straight_transmission() } else { Spectrum::BLACK };
-            match shading.bsdf.transmission().filter(|t| through_glass && !t.thin) {
-                None => passed = passed * absorb(media.current(), unit * hit.t),
-                Some(t) => {
-                    let began_in = media.current().copied();
-                    let boundary = media.pass(Medium::of(&surface, &t), surface.is_front(wo));
-                    passed = passed * absorb(boundary.began_in.or(began_in).as_ref(), unit * hit.t);
-                    if boundary.surroundings.is_none() {
-                        // Hidden in a body of higher priority: there is no surface here.
-                        glass = Spectrum::WHITE;
-                    }
-                }
+            let entering = surface.is_front(wo);
+            let (mut through, mut surroundings) = (media.current().copied(), Some(media.ior()));
+            if passage.glass != Glass::Opaque
+                && let Some(t) = shading.bsdf.transmission().filter(|t| !t.thin)
+            {
+                let boundary = media.pass(Medium::of(&surface, &t), entering);
+                (through, surroundings) = (boundary.began_in.or(through), boundary.surroundings);
             }
+            passed = passed * media::transmittance_of(through.as_ref(), unit * hit.t);
+            let glass = match (passage.glass, surroundings) {
+                (Glass::Opaque, _) => Spectrum::BLACK,
+                // Hidden in a body of higher priority: there is no surface here.
+                (Glass::Clear(_), None) => Spectrum::WHITE,
+                (Glass::Clear(by), Some(ior)) => shading.bsdf.weighed(by).straight_transmission(shading.n, wo, entering, ior),
+            };
             passed = passed * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
             if passed.is_black() {
                 return passed;

@@ -11,7 +11,7 @@ use crate::accel::Occluder;
 use crate::math::{DVec3, Ray, Vec3};
 use crate::radiosity::mesh::{self, Element, ElementMesh};
 use crate::sampling::rng;
-use crate::transport::World;
+use crate::transport::{Passage, World};
 
 pub(super) use crate::radiosity::mesh::POINTS;
 
@@ -47,7 +47,7 @@ impl Lines {
         if world.has_transparency() {
             for rays in self.rays.chunks(8) {
                 let eight = std::array::from_fn(|i| rays[i.min(rays.len() - 1)]);
-                let passed = world.transmittances(&eight, rays.len(), true, &mut self.n_rays);
+                let passed = world.transmittances(&eight, rays.len(), Passage::STRAIGHT, &mut self.n_rays);
                 self.passed.extend(passed[..rays.len()].iter().map(|v| (v.r + v.g + v.b) / 3.0));
             }
         } else {
