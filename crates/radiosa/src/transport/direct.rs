@@ -67,7 +67,8 @@ pub struct Lights {
     emitters: Vec<Emitter>,
     ambient: Spectrum,
     n_points: usize,
-    n_wanted: usize,
+    /// Where there would be more without the limit.
+    n_wanted: Option<usize>,
     /// So few shadow rays leave a point that each is traced alone.
     few: bool,
     /// What shadow rays do at transparent things.
@@ -106,7 +107,7 @@ impl Lights {
         let mut emitters: Vec<Emitter> =
             lights().map(|light| Emitter::prepare(light, world.origin(), settings.environment_shadows)).collect();
         emitters.extend(sky.map(|sky| sky.emitter(settings.environment_shadows)));
-        let (mut n_points, mut n_wanted) = (0, 0);
+        let (mut n_points, mut n_wanted) = (0, None);
         if let Emitters::Points { n, max } = settings.emitters {
             let points = area::sample_points(world.emissive(), n, max);
             (n_points, n_wanted) = (points.len(), points.n_wanted);
@@ -152,9 +153,9 @@ impl Lights {
 
     /// What a person should know about how the lights were prepared.
     pub fn note(&self) -> Option<String> {
-        let (n, wanted) = (self.n_points, self.n_wanted);
+        let n = self.n_points;
         (n > 0).then(|| {
-            let capped = if wanted > n { format!(" (the limit; {wanted} were asked for)") } else { String::new() };
+            let capped = self.n_wanted.map(|n| format!(" (the limit; {n} were asked for)")).unwrap_or_default();
             format!("emissive surfaces light others as {n} point sources{capped}")
         })
     }

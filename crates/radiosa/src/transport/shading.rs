@@ -8,7 +8,8 @@ use crate::bsdf::texture;
 use crate::bsdf::{Bsdf, Lookup};
 use crate::math::{Frame, Ray, Vec2, Vec3, Vec4};
 use crate::scene::{
-    AlphaMode, ColorMap, Geometry, InstanceId, Model, NormalMap, ScalarMap, TextureId, TextureRef, TextureSource,
+    AlphaMode, ColorMap, CookTorrance, Geometry, InstanceId, Model, NormalMap, Phong, ScalarMap, TextureId, TextureRef,
+    TextureSource,
 };
 use crate::spectrum::Spectrum;
 
@@ -85,8 +86,8 @@ struct At<'a> {
 pub enum Textures {
     /// As the material has them.
     Sampled,
-    /// Every coefficient is its factor, and the normal is the surface's own: light at vertices, before textures are laid over it.
-    Ignored,
+    /// But those of the colours that [`World::textures_of_light`] gives, and normal maps: light at vertices, before textures are laid over it.
+    LaidOver,
 }
 
 impl At<'_> {
@@ -97,15 +98,16 @@ impl At<'_> {
 
 impl Lookup for At<'_> {
     fn color(&self, map: &ColorMap) -> Spectrum {
-        map.texture.as_ref().filter(|_| self.textures == Textures::Sampled).map_or(map.factor, |t| {
+        let is_read =
+            |_: &&TextureRef| self.textures == Textures::Sampled || !self.world.material_at(self.surface).model.is_laid_over(map);
+        map.texture.as_ref().filter(is_read).map_or(map.factor, |t| {
             let [r, g, b, _] = self.texel(t);
             map.factor * Spectrum::new(r, g, b)
         })
     }
 
     fn scalar(&self, map: &ScalarMap) -> f32 {
-        let texture = map.texture.as_ref().filter(|_| self.textures == Textures::Sampled);
-        texture.map_or(map.factor, |t| map.factor * self.texel(t)[usize::from(map.channel & 3)])
+        map.texture.as_ref().map_or(map.factor, |t| map.factor * self.texel(t)[usize::from(map.channel & 3)])
     }
 
     fn vertex_color(&self) -> Spectrum {
@@ -137,15 +139,21 @@ impl World {
         Shading { n, wo, bsdf: Bsdf::resolve(material, &at), emission, coverage }
     }
 
-    /// The texture of the diffuse or base colour alone, and that of highlights: what light that was computed without textures is multiplied by.
-    pub fn texture_of_light(&self, surface: &Surface) -> (Spectrum, Spectrum) {
+    /// The textures that are laid over the ambient, diffuse and specular part of light that was computed with [`Textures::LaidOver`].
+    pub fn textures_of_light(&self, surface: &Surface) -> [Spectrum; 3] {
         let of = |map: &ColorMap| map.texture.as_ref().map_or(Spectrum::WHITE, |t| self.texture_color(surface, t));
-        let material = self.material_at(surface);
-        let base = of(material.model.base_color());
-        match &material.model {
-            Model::Phong(m) => (base, of(&m.specular)),
-            Model::CookTorrance(m) => (base, of(&m.specular)),
-            Model::MetallicRoughness(m) => (base, Spectrum::WHITE.lerp(base, m.metallic.factor)),
+        let model = &self.material_at(surface).model;
+        let base = of(model.base_color());
+        match model {
+            Model::Phong(Phong { ambient, specular, .. }) | Model::CookTorrance(CookTorrance { ambient, specular, .. }) => {
+                [ambient.as_ref().map_or(base, of), base, of(specular)]
+            }
+            Model::MetallicRoughness(_) => {
+                let vertex_color = surface.vertex_color(self);
+                let at = At { world: self, surface, vertex_color, textures: Textures::LaidOver };
+                let share = Bsdf::resolve(self.material_at(surface), &at).share_of_metal();
+                [base, base, Spectrum::WHITE + share * (base - Spectrum::WHITE)]
+            }
         }
     }
 
