@@ -137,9 +137,14 @@ fn what_can_be_known_to_fail_fails_before_the_first_ray() {
     assert!(text(&output.stderr).contains("does not exist"), "{}", text(&output.stderr));
     let (_dir, output) = in_folder(&["render", "-o", "a.jpg"]);
     assert!(text(&output.stderr).contains(".png"), "{}", text(&output.stderr));
-    let (_dir, output) = in_folder(&["render", "--size", "60000x60000", "--max-memory", "1G"]);
-    assert_eq!(output.status.code(), Some(1));
-    assert!(text(&output.stderr).contains("--max-memory"), "{}", text(&output.stderr));
+    let faces = ["render", "phong-spheres", "-m", "scanline", "--tessellation", "1024", "--size", "8x8"];
+    for too_much in
+        [&["render", "--size", "60000x60000", "--max-memory", "1G"][..], &[&faces[..], &["--max-memory", "200M"]].concat()]
+    {
+        let (_dir, output) = in_folder(too_much);
+        assert_eq!(output.status.code(), Some(1));
+        assert!(text(&output.stderr).contains("--max-memory"), "{}", text(&output.stderr));
+    }
 }
 
 #[test]

@@ -447,6 +447,34 @@ fn multisampled_edges_are_those_of_ray_casting_with_as_many_samples() {
 }
 
 #[test]
+fn a_pile_of_transparent_faces_lets_through_what_all_of_them_do() {
+    // A hundred panes that glow with 1 where they are, and cover 2 % each.
+    let (n, cover) = (100, 0.02f64);
+    let mut scene = Scene::new("pile");
+    let alpha = scene::Alpha { mode: scene::AlphaMode::Blend, value: ScalarMap::constant(cover as f32) };
+    let emission = ColorMap::constant(Spectrum::WHITE);
+    scene.materials.push(scene::Material { alpha, emission, ..scene::Material::lambert("pane", Spectrum::BLACK) });
+    for i in 0..n {
+        scene.instances.push(scene::Instance {
+            name: format!("pane {i}"),
+            geometry: scene::Geometry::Disc,
+            transform: DAffine3::from_translation(DVec3::Y * f64::from(i) * 0.01),
+            material: Some(scene::MaterialId(0)),
+            node: None,
+        });
+    }
+    let projection = scene::Projection::Orthographic { height: 1.0 };
+    scene.cameras.push(scene::Camera::look_at("camera", DVec3::Y * 5.0, DVec3::ZERO, DVec3::Z, projection));
+    let setting = Setting::new(scene, 0, (8, 8), 1);
+    let expected = 1.0 - (1.0 - cover).powi(n);
+    for film in [setting.scan(scanline::Settings::default(), 16, &LAYERS), setting.cast(1, &LAYERS)] {
+        let seen = f64::from(film.color(4, 4).g);
+        assert!((seen - expected).abs() < 1e-4, "{seen} instead of {expected}");
+        assert!((seen - 1.0 + (1.0 - cover).powi(32)).abs() > 0.1, "the twin: only 32 of them");
+    }
+}
+
+#[test]
 fn culling_leaves_out_what_is_seen_from_behind() {
     let setting = Setting::new(sample::load("furnace").expect("it is built in"), 0, (64, 48), 1);
     let draw = |culling| setting.scan(scanline::Settings { culling, ..Default::default() }, 1, &LAYERS);
