@@ -167,7 +167,7 @@ fn spheres_and_discs_are_divided_and_converge_at_second_order() {
         let truths = [("disc", closed::sphere_to_disc(1.0, 1.0)), ("quad", closed::sphere_to_rectangle(1.0, 1.0, 1.0))];
         truths.map(|(to, truth)| (factor(&all, "ball", to) / truth - 1.0).abs())
     };
-    let (coarse, fine) = (error("4"), error("16"));
+    let (coarse, fine) = (error("8"), error("32"));
     for k in 0..2 {
         let order = (coarse[k] / fine[k]).log2() / 2.0;
         println!("errors {:.1e} {:.1e}, order {order:.2}", coarse[k], fine[k]);
