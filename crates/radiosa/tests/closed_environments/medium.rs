@@ -1,7 +1,7 @@
 //! Environments filled with a medium that absorbs, against closed forms.
 //!
-//! In a sphere every place sees every other by the same factor, so the mean transmittance has a closed form and radiosities are even: `B = E/(1 − ρ τ̄)`. In any convex room
-//! the mean chord is `4V/S` long (Cauchy), so a thin medium absorbs `4 σ V/S` of what crosses it.
+//! In a sphere every place sees every other by the same factor, so the mean transmittance has a closed form and radiosities are even: `B = E/(1 − ρ τ̄)`.
+//! In any convex room the mean chord is `4V/S` long (Cauchy), so a thin medium absorbs `4 σ V/S` of what crosses it.
 
 use radiosa::film::Pixel;
 use radiosa::math::{Ray, Vec3};

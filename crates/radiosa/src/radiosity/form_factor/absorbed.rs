@@ -26,8 +26,8 @@ const COARSE: usize = 1;
 /// Divisions at most.
 const MAX_DEPTH: u32 = 8;
 
-/// `A_a F_ab (1 − τ)` of two convex one-sided polygons, m² by channel, each cut by the other's plane, which exchange `exact` in a clear one; within about `tolerance` of the
-/// smaller area.
+/// `A_a F_ab (1 − τ)` of two convex one-sided polygons, m² by channel, each cut by the other's plane, which exchange `exact` in a clear medium; within
+/// about `tolerance` of the smaller area.
 pub fn absorbed(a: &[DVec3], b: &[DVec3], exact: f64, medium: &Medium, tolerance: f64) -> [f64; 3] {
     let (na, nb) = (area_vector(a), area_vector(b));
     let smaller = na.length().min(nb.length());
