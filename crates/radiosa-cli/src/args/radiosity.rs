@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 
-use super::value::parse_scale;
+use super::value::{parse_color, parse_scale};
 
 /// Everything that decides about a radiosity solution.
 #[derive(Args, Clone, Debug, PartialEq)]
@@ -15,6 +15,10 @@ pub(crate) struct Radiosity {
     /// The longest edge of an element in metres, instead of --elements
     #[arg(long, value_name = "METRES", value_parser = parse_scale, allow_negative_numbers = true)]
     pub(crate) element_size: Option<f64>,
+
+    /// What a medium between surfaces absorbs, per metre: one number, or three for its channels
+    #[arg(long, value_name = "SIGMA", value_parser = parse_color)]
+    pub(crate) absorption: Option<[f32; 3]>,
 
     /// How the radiosity equation is solved
     #[arg(long, value_enum, default_value_t = Solver::Auto)]

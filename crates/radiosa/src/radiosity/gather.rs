@@ -1,7 +1,7 @@
 //! The irradiance at a point from a finished solution: one more gathering step, without elements at the receiving end.
 //!
 //! ```text
-//! E(p) = D(p) + Σ_j B_j F_{dp→j} · Σ V K / Σ K
+//! E(p) = D(p) + Σ_j B_j F_{dp→j} · Σ V K τ / Σ K
 //! ```
 //!
 //! Where an element looks large, it is cut into pieces with radiosities interpolated between its corners: what is close must not be seen in steps.
@@ -79,7 +79,8 @@ impl<'a> Gather<'a> {
         };
         let bounds = solution.mesh.elements().iter().map(bound).collect();
         let corners = display::corner_values(world, &solution.mesh, &solution.irradiance);
-        Self { world, solution, direct: DirectLight::new(world, extra_lights, seed), bounds, corners, seed }
+        let direct = DirectLight::new(world, extra_lights, seed).within(solution.system.medium);
+        Self { world, solution, direct, bounds, corners, seed }
     }
 
     /// What arrives at a surface point on the side of the unit normal `n`; `sensor` keys its random streams.
@@ -116,8 +117,8 @@ impl<'a> Gather<'a> {
             let piece = scratch.pieces[k];
             let weight = piece.factor * luminance(piece.radiosity);
             let n_rays = if total > 0.0 { (RAYS[0] * weight / total).ceil().clamp(1.0, RAYS[1]) as u32 } else { 1 };
-            let seen = self.visible(start, normal, &piece, n_rays, rng::mix(key ^ k as u64), scratch);
-            (0..3).for_each(|c| sum[c] += piece.radiosity[c] * piece.factor * seen);
+            let (seen, arriving) = self.visible(start, normal, &piece, n_rays, rng::mix(key ^ k as u64), scratch);
+            (0..3).for_each(|c| sum[c] += piece.radiosity[c] * piece.factor * arriving[c]);
             variance += weight.powi(2) * seen * (1.0 - seen) / f64::from(n_rays);
         }
         let irradiance = self.direct.at(surface, n, key) + Spectrum::from(sum.map(|s| s as f32));
@@ -147,8 +148,8 @@ impl<'a> Gather<'a> {
         }
     }
 
-    /// `Σ V K / Σ K` over rays from a point to a piece of an element.
-    fn visible(&self, from: Vec3, normal: DVec3, piece: &Piece, n_rays: u32, key: u64, scratch: &mut Scratch) -> f64 {
+    /// `Σ V K / Σ K` over rays from a point to a piece of an element, and the same with what a medium lets through, by channel.
+    fn visible(&self, from: Vec3, normal: DVec3, piece: &Piece, n_rays: u32, key: u64, scratch: &mut Scratch) -> (f64, [f64; 3]) {
         let element = &self.solution.mesh.elements()[piece.element as usize];
         let (en, lift) = (element.normal.as_vec3(), element.lift());
         scratch.lines.rays.clear();
@@ -176,11 +177,20 @@ impl<'a> Gather<'a> {
         }
         scratch.lines.trace(self.world);
         let (mut seen, mut all) = (0.0, 0.0);
-        for (kernel, passed) in scratch.kernel.iter().zip(&scratch.lines.passed) {
-            seen += kernel * f64::from(*passed);
+        let (medium, mut arriving) = (&self.solution.system.medium, [0.0; 3]);
+        for ((kernel, passed), ray) in scratch.kernel.iter().zip(&scratch.lines.passed).zip(&scratch.lines.rays) {
+            let visible = kernel * f64::from(*passed);
+            seen += visible;
             all += kernel;
+            if !medium.is_clear() {
+                let tau = medium.transmittance(f64::from(ray.dir.length()));
+                (0..3).for_each(|c| arriving[c] += visible * tau[c]);
+            }
         }
-        if all > 0.0 { seen / all } else { 0.0 }
+        if all <= 0.0 {
+            return (0.0, [0.0; 3]);
+        }
+        (seen / all, if medium.is_clear() { [seen / all; 3] } else { arriving.map(|a| a / all) })
     }
 }
 

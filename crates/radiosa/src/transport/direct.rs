@@ -1,7 +1,7 @@
 //! Direct light at a surface from everything that is not traced further: the sum over lights that ray casting, Whitted's method and
 //! radiosity's displayed direct part share.
 
-use super::media::Media;
+use super::media::{self, Media};
 use super::{Glass, Passage, Shading, Surface, World};
 use crate::bsdf::Bsdf;
 use crate::bsdf::fresnel::Weighing;
@@ -75,6 +75,8 @@ pub struct Lights {
     glass: Glass,
     /// Draws points on emissive surfaces, instead of the fixed ones.
     random_points: Option<PointSampler>,
+    /// Of the medium that lights with a place shine through, 1/m.
+    absorption: Spectrum,
 }
 
 /// What the lights do at a point.
@@ -116,7 +118,13 @@ impl Lights {
         let ambient = scene.ambient + emitters.iter().map(Emitter::ambient).sum();
         let few = emitters.iter().map(Emitter::n_directions).sum::<usize>() <= World::FEW_SEGMENTS;
         let glass = Glass::Clear(Weighing::Material);
-        Self { emitters, ambient, n_points, n_wanted, few, glass, random_points: None }
+        Self { emitters, ambient, n_points, n_wanted, few, glass, random_points: None, absorption: Spectrum::BLACK }
+    }
+
+    /// Light with a place shines through a medium that absorbs this, 1/m.
+    pub fn within(mut self, absorption: Spectrum) -> Self {
+        self.absorption = absorption;
+        self
     }
 
     /// Shadow rays do this at transparent things.
@@ -239,7 +247,11 @@ impl Lights {
                 return;
             }
             let lobes = shading.bsdf.evaluate_cos(shading.n, shading.wo, incident.wi);
-            let (diffuse, specular) = (lobes.diffuse * incident.diffuse, lobes.specular * incident.specular);
+            let (mut diffuse, mut specular) = (lobes.diffuse * incident.diffuse, lobes.specular * incident.specular);
+            if !self.absorption.is_black() && incident.distance.is_finite() {
+                let left = media::transmittance(self.absorption, incident.distance);
+                (diffuse, specular) = (diffuse * left, specular * left);
+            }
             if diffuse.is_black() && (specular.is_black() || lobes.specular.max_channel() < DARK) {
                 return;
             }

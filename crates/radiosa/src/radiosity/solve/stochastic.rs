@@ -14,6 +14,7 @@
 //! - An element that gets less than one ray gets one with that probability, and it carries what it would have carried: right on average. Else its rays carry its power, exactly.
 //! - What lies behind a transparent surface is reached by rays that pass it, with the probability that it lets light through. As in rows of form factors, which then
 //!   sum to more than one, what is met behind counts beside the surface, and is taken off what escapes.
+//! - In an absorbing medium a ray brings what is left of its power after its length.
 
 use std::io;
 
@@ -21,7 +22,7 @@ use rayon::prelude::*;
 
 use super::super::mesh::{self, Element, ElementMesh, Lift};
 use super::super::stream::{In, Out};
-use super::super::system::{System, Unknowns};
+use super::super::system::{Sums, System, Unknowns};
 use crate::math::{DVec3, Frame, Ray};
 use crate::sampling::{rng, sequence, warp};
 use crate::transport::World;
@@ -78,6 +79,8 @@ pub struct Stochastic {
     escaped_rays: Vec<i64>,
     /// Power that left the scene, in this round and in those before.
     escaped: [[f64; 3]; 2],
+    /// Power that the medium absorbed, likewise.
+    in_medium: [[f64; 3]; 2],
     /// Rays that carried light.
     pub n_rays: u64,
 }
@@ -104,6 +107,7 @@ impl Stochastic {
             left: zero(),
             escaped_rays: vec![0; n],
             escaped: [[0.0; 3]; 2],
+            in_medium: [[0.0; 3]; 2],
             n_rays: 0,
         };
         stochastic.begin(system);
@@ -120,7 +124,8 @@ impl Stochastic {
             out.array(column)?;
         }
         out.array(&self.escaped_rays)?;
-        out.array(&self.escaped)
+        out.array(&self.escaped)?;
+        out.array(&self.in_medium)
     }
 
     /// Goes on where [`Self::store`] was called, by the same system, settings and seed.
@@ -136,6 +141,7 @@ impl Stochastic {
         }
         self.escaped_rays = from.array(n)?;
         self.escaped.copy_from_slice(&from.array(2)?);
+        self.in_medium.copy_from_slice(&from.array(2)?);
         self.find_active();
         Ok(())
     }
@@ -145,6 +151,7 @@ impl Stochastic {
         self.irradiance.copy_from_slice(&system.direct);
         (0..system.n()).for_each(|i| self.unshot[i] = system.initial(i));
         self.escaped[0] = [0.0; 3];
+        self.in_medium[0] = [0.0; 3];
         self.find_active();
     }
 
@@ -159,7 +166,7 @@ impl Stochastic {
 
     /// Iterations with about a ray for every element together, or to the end of the round: the last ones of a round have few rays. The unknowns become the mean of
     /// the finished rounds, or what is known of the first.
-    pub fn step(&mut self, world: &World, mesh: &ElementMesh, system: &System, unknowns: &mut Unknowns, row_sums: &mut [f64]) {
+    pub fn step(&mut self, world: &World, mesh: &ElementMesh, system: &System, unknowns: &mut Unknowns, sums: &mut Sums) {
         let mut sent = 0;
         loop {
             sent += self.iterate(world, mesh, system);
@@ -173,7 +180,7 @@ impl Stochastic {
                 break;
             }
         }
-        self.read(system, unknowns, row_sums);
+        self.read(system, unknowns, sums);
     }
 
     /// One iteration; the number of its rays. What it takes depends on who has anything to send, and on what is met.
@@ -194,11 +201,11 @@ impl Stochastic {
         let mut touched = Vec::new();
         let pieces: Vec<u64> = (0..total.div_ceil(PIECE)).collect();
         for pieces in pieces.chunks(PIECES) {
-            let met: Vec<Vec<[u32; 2]>> = pieces
+            let met: Vec<Vec<([u32; 2], f32)>> = pieces
                 .par_iter()
                 .map(|piece| self.trace(world, mesh, (&active, &starts), piece * PIECE..((piece + 1) * PIECE).min(total)))
                 .collect();
-            for [from, to] in met.into_iter().flatten() {
+            for ([from, to], distance) in met.into_iter().flatten() {
                 let carried = power[from as usize];
                 if to >= AGAIN {
                     let sign = if to == NOTHING { 1 } else { -1 };
@@ -209,7 +216,11 @@ impl Stochastic {
                     if *sum == [0.0; 3] {
                         touched.push(to);
                     }
-                    (0..3).for_each(|c| sum[c] += carried[c]);
+                    let tau = system.medium.transmittance(f64::from(distance));
+                    for c in 0..3 {
+                        sum[c] += carried[c] * tau[c];
+                        self.in_medium[0][c] += carried[c] * (1.0 - tau[c]);
+                    }
                 }
             }
         }
@@ -246,14 +257,14 @@ impl Stochastic {
         rays.collect()
     }
 
-    /// Traces rays of a range: the place in `active` of the element each starts from, and the element it meets, in order.
+    /// Traces rays of a range: the place in `active` of the element each starts from, the element it meets and how far away, in order.
     fn trace(
         &self,
         world: &World,
         mesh: &ElementMesh,
         (active, starts): (&[u32], &[u64]),
         range: std::ops::Range<u64>,
-    ) -> Vec<[u32; 2]> {
+    ) -> Vec<([u32; 2], f32)> {
         let mut met = Vec::with_capacity((range.end - range.start) as usize);
         let mut at = starts.partition_point(|&s| s <= range.start) - 1;
         let source = |at: usize| Source::new(&mesh.elements()[active[at] as usize], self.seed, u64::from(active[at]));
@@ -266,7 +277,9 @@ impl Stochastic {
                 element = source(at);
             }
             let sample = self.used[active[at] as usize].wrapping_add((k - starts[at]) as u32);
-            follow(world, mesh, element.ray(sample), rng::key(&[element.key, u64::from(sample)]), |to| met.push([at as u32, to]));
+            follow(world, mesh, element.ray(sample), rng::key(&[element.key, u64::from(sample)]), |to, distance| {
+                met.push(([at as u32, to], distance));
+            });
         }
         met
     }
@@ -282,14 +295,15 @@ impl Stochastic {
             }
         }
         (0..3).for_each(|c| self.escaped[1][c] += self.escaped[0][c]);
+        (0..3).for_each(|c| self.in_medium[1][c] += self.in_medium[0][c]);
         self.begin(system);
     }
 
-    fn read(&self, system: &System, unknowns: &mut Unknowns, row_sums: &mut [f64]) {
+    fn read(&self, system: &System, unknowns: &mut Unknowns, sums: &mut Sums) {
         let of = |sum: [f64; 3], now: [f64; 3]| {
             if self.rounds > 0 { sum.map(|s| s / f64::from(self.rounds)) } else { now }
         };
-        for (i, row_sum) in row_sums.iter_mut().enumerate() {
+        for (i, row_sum) in sums.met.iter_mut().enumerate() {
             let h = of(self.sum[i], self.irradiance[i]);
             unknowns.irradiance[i] = h;
             unknowns.radiosity[i] = std::array::from_fn(|c| system.emission[i][c] + system.reflectance[i][c] * h[c]);
@@ -305,7 +319,16 @@ impl Stochastic {
 
     /// Power that left the scene, by the rays that carried it.
     pub fn escaped(&self) -> [f64; 3] {
-        if self.rounds > 0 { self.escaped[1].map(|e| e / f64::from(self.rounds)) } else { self.escaped[0] }
+        self.measured(self.escaped)
+    }
+
+    /// Power that the medium absorbed, likewise.
+    pub fn in_medium(&self) -> [f64; 3] {
+        self.measured(self.in_medium)
+    }
+
+    fn measured(&self, [now, before]: [[f64; 3]; 2]) -> [f64; 3] {
+        if self.rounds > 0 { before.map(|e| e / f64::from(self.rounds)) } else { now }
     }
 
     /// Standard error of every irradiance, W/m² or lux, from the spread of the rounds; infinite until there are two.
@@ -389,23 +412,25 @@ fn linear(u: f64, a: f64, b: f64) -> f64 {
 }
 
 /// What a ray meets first, and what lies behind that where it is transparent, as far as chance lets it go.
-fn follow(world: &World, mesh: &ElementMesh, mut ray: Ray, key: u64, mut meet: impl FnMut(u32)) {
+fn follow(world: &World, mesh: &ElementMesh, mut ray: Ray, key: u64, mut meet: impl FnMut(u32, f32)) {
+    let mut distance = 0.0;
     for layer in 0..MAX_LAYERS {
         let Some((hit, surface)) = world.closest_visible(&ray) else {
             // What passed a surface was counted there.
             return if layer == 0 {
-                meet(NOTHING)
+                meet(NOTHING, distance)
             };
         };
+        distance += hit.t;
         let element = mesh.element_at(&hit, surface.p, ray.dir);
         match element {
             Some(element) => {
-                meet(element);
+                meet(element, distance);
                 if layer > 0 {
-                    meet(AGAIN);
+                    meet(AGAIN, distance);
                 }
             }
-            None if layer == 0 => meet(NOTHING),
+            None if layer == 0 => meet(NOTHING, distance),
             None => {}
         }
         if !world.has_transparency() {
