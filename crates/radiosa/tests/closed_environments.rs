@@ -353,7 +353,7 @@ fn furnace_errors(matrix: &Matrix, area: &[f64], highest: f64) -> [f64; 3] {
     let n = area.len();
     let off = |emission: &dyn Fn(usize) -> [f64; 3], reflectance: &dyn Fn(usize) -> [f64; 3], b: f64| {
         let [emission, reflectance]: [Vec<_>; 2] = [(0..n).map(emission).collect(), (0..n).map(reflectance).collect()];
-        let system = System { area: area.to_vec(), emission, reflectance, direct: vec![[0.0; 3]; n], lamps: Vec::new() };
+        let system = System { area: area.to_vec(), emission, reflectance, direct: vec![[0.0; 3]; n], ..System::default() };
         let mut columns = [vec![[0.0; 3]; n], vec![[0.0; 3]; n], vec![[0.0; 3]; n]];
         let [radiosity, irradiance, unshot] = &mut columns;
         let mut unknowns = Unknowns { radiosity, irradiance, unshot };

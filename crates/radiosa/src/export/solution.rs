@@ -29,7 +29,7 @@ use crate::scene::{Pixels, Scene};
 use crate::transport::World;
 
 const MAGIC: &[u8; 8] = b"RADIOSA\0";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Fast, and good enough for floating-point numbers.
 const LEVEL: i32 = 1;
 /// What an element takes in memory, with its columns.

@@ -8,6 +8,7 @@ use super::matrix::Matrix;
 use super::mesh::{self, Blocks, ElementMesh};
 use super::refine;
 use super::solve::gathering::{self, Sweep};
+use super::solve::pools::Pools;
 use super::solve::shooting::Shooting;
 use super::solve::stochastic::Stochastic;
 use super::solve::{History, Record, Solver as Method, Stop};
@@ -81,12 +82,14 @@ pub fn system(world: &World, mesh: &ElementMesh, direct: &DirectLight) -> System
         emission: matter.iter().map(|m| rgb(m.emission)).collect(),
         direct: all,
         lamps: if direct.has_lamps() { lamps } else { Vec::new() },
+        transmittance: if world.has_transparency() { matter.iter().map(|m| rgb(m.transmittance)).collect() } else { Vec::new() },
     };
     // Slivers of no area have no normal, and nothing that depends on one.
     for (i, element) in mesh.elements().iter().enumerate() {
         let values = [&mut system.reflectance[i], &mut system.emission[i], &mut system.direct[i]];
         if !element.normal.is_finite() || values.iter().any(|v| v.iter().any(|v| !v.is_finite())) {
-            values.into_iter().chain(system.lamps.get_mut(i)).for_each(|v| *v = [0.0; 3]);
+            let more = [&mut system.lamps, &mut system.transmittance].map(|column| column.get_mut(i));
+            values.into_iter().chain(more.into_iter().flatten()).for_each(|v| *v = [0.0; 3]);
         }
     }
     system
@@ -169,7 +172,7 @@ pub enum Progress {
     /// Whose turn it is, and rows that may be needed again.
     Shooting(Shooting),
     /// Rounds so far.
-    Stochastic(Stochastic),
+    Stochastic(Box<Stochastic>),
 }
 
 impl Progress {
@@ -182,7 +185,9 @@ impl Progress {
                 let blocks = division.with_blocks.as_ref().map(|(_, blocks)| blocks.clone());
                 Self::Shooting(Shooting::new(settings, blocks.unwrap_or_else(|| Blocks::single(system.n()))))
             }
-            Method::Stochastic(of) => Self::Stochastic(Stochastic::new(system, of, settings.seed)),
+            Method::Stochastic(of) => {
+                Self::Stochastic(Box::new(Stochastic::new(system, Pools::new(&division.mesh), of, settings.seed)))
+            }
         }
     }
 }
@@ -290,7 +295,9 @@ impl<'a> Radiosity<'a> {
             parts.extend(factors.part(of.start as u32..of.end as u32));
             return Some(pairs_of(of.end, n) as f64 / pairs_of(n, n).max(1) as f64);
         }
-        let matrix = factors.assemble(parts);
+        let mut matrix = factors.assemble(parts);
+        let tau = &self.solution.system.transmittance;
+        matrix.limit(&|j| tau.get(j).map_or(0.0, |t| (t[0] + t[1] + t[2]) / 3.0));
         self.solution.row_sums = (0..n).into_par_iter().map(|i| matrix.row_sum(i)).collect();
         self.solution.n_factors = matrix.n_entries();
         self.progress = Progress::Gathering(matrix, *sweep);
@@ -302,7 +309,7 @@ impl<'a> Radiosity<'a> {
         let before = self.solution.radiosity.clone();
         let mut error = None;
         let mut n_rays = 0;
-        let mut escaped = None;
+        let mut by_rays = None;
         let Solution { mesh, system, radiosity, irradiance, unshot, row_sums, irradiance_error, .. } = &mut self.solution;
         let mut unknowns = Unknowns { radiosity, irradiance, unshot };
         match (&mut self.progress, &self.factors) {
@@ -317,15 +324,17 @@ impl<'a> Radiosity<'a> {
             }
             (Progress::Stochastic(stochastic), _) => {
                 stochastic.step(world, mesh, system, &mut unknowns, row_sums);
-                error = Some(stochastic.error(system));
+                error = Some(stochastic.error());
                 n_rays = stochastic.n_rays;
-                escaped = Some(stochastic.escaped());
+                by_rays = Some([stochastic.escaped(), stochastic.passed()]);
                 *irradiance_error = stochastic.standard_errors();
             }
             _ => unreachable!("matrices are made before, and shooters have factors"),
         }
         let mut balance = system.balance(row_sums, unknowns.irradiance, unknowns.radiosity, unknowns.unshot);
-        if let Some(escaped) = escaped {
+        if let Some([escaped, passed]) = by_rays {
+            let estimated = system.passed(unknowns.irradiance);
+            (0..3).for_each(|c| balance.absorbed[c] += estimated[c] - passed[c]);
             balance.escaped = escaped;
         }
         let change = before.iter().zip(unknowns.radiosity.iter()).flat_map(|(a, b)| (0..3).map(move |c| (a[c] - b[c]).abs()));

@@ -86,10 +86,10 @@ impl Solution {
     /// When the stream cannot take it.
     pub fn store(&self, out: &mut Out) -> io::Result<()> {
         self.mesh.record().store(out)?;
-        let System { area, reflectance, emission, direct, lamps } = &self.system;
+        let System { area, reflectance, emission, direct, lamps, transmittance } = &self.system;
         out.array(area)?;
         let ours = [&self.radiosity, &self.irradiance, &self.unshot, &self.irradiance_error];
-        for column in [reflectance, emission, direct].into_iter().chain(ours).chain([lamps]) {
+        for column in [reflectance, emission, direct].into_iter().chain(ours).chain([lamps, transmittance]) {
             out.array(column)?;
         }
         out.array(&self.row_sums)?;
@@ -129,7 +129,7 @@ impl Solution {
             let fits = column.is_empty() || column.len() == n;
             if fits { Ok(column) } else { Err(wrong("an array has another length than it should")) }
         };
-        let (irradiance_error, lamps) = (or_none()?, or_none()?);
+        let (irradiance_error, lamps, transmittance) = (or_none()?, or_none()?, or_none()?);
         let [reflectance, emission, direct, radiosity, irradiance, unshot] = columns;
         let row_sums = from.array(n)?;
         let n_factors = from.number()? as usize;
@@ -149,7 +149,7 @@ impl Solution {
                 n_rays: counts[4],
             });
         }
-        let system = System { area, reflectance, emission, direct, lamps };
+        let system = System { area, reflectance, emission, direct, lamps, transmittance };
         Ok(Self { mesh, system, radiosity, irradiance, unshot, irradiance_error, row_sums, n_factors, balance, history })
     }
 }
