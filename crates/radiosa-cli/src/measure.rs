@@ -160,7 +160,7 @@ fn sensors(args: &Measure, world: &World) -> Result<(Vec<Sensor>, Option<Grid>),
 }
 
 /// Sensors up to which each looks closely at what is near.
-const DETAILED: usize = 1024;
+const DETAILED: usize = 256;
 
 fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec<Reading>, Error> {
     let settings = solve::settings(&args.radiosity, args.seed, &[]);

@@ -24,8 +24,8 @@ const DIRECT: [usize; 2] = [2, 8];
 const CHANGE: f64 = 0.05;
 /// Rays to emitters from each of these places, about.
 const DIRECT_RAYS: f64 = 32.0;
-/// Emitting elements times elements at most.
-const MOST: usize = 1 << 22;
+/// Elements at most, and elements times emitting ones: larger meshes have smaller elements, and it would take long.
+const MOST: [usize; 2] = [1 << 14, 1 << 22];
 
 /// Places along a side of an element where light is gathered again, and rays of each, about.
 const AGAIN: usize = 4;
@@ -61,13 +61,13 @@ fn places(side: usize) -> impl Iterator<Item = [f64; 2]> {
 }
 
 impl Near {
-    /// Gathers direct light on all elements; `None` where nothing emits, or too much of the scene does for that.
+    /// Gathers direct light on all elements; `None` where nothing emits, and where it would take long.
     pub(super) fn new(gather: &Gather) -> Option<Self> {
         let system = &gather.solution.system;
         let elements = gather.solution.mesh.elements();
         let emitting: Vec<u32> = (0..elements.len() as u32).filter(|&j| system.emission[j as usize] != [0.0; 3]).collect();
         let is_dark = emitting.is_empty() && !gather.direct.has_lamps();
-        if is_dark || elements.len().saturating_mul(emitting.len().max(1)) > MOST {
+        if is_dark || elements.len() > MOST[0] || elements.len() * emitting.len() > MOST[1] {
             return None;
         }
         let (means, direct): (Vec<Spectrum>, Vec<_>) = elements
