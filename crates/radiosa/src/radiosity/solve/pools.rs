@@ -20,6 +20,8 @@ pub struct Pools {
     /// Pool `p` has the elements `members[starts[p]..starts[p + 1]]`.
     starts: Vec<u32>,
     members: Vec<u32>,
+    /// By place in `members`: the area of all of the pool up to there.
+    up_to: Vec<f64>,
 }
 
 impl Pools {
@@ -32,7 +34,7 @@ impl Pools {
     fn with(mesh: &ElementMesh, single: usize, cells: f64) -> Self {
         let elements = mesh.elements();
         if elements.len() <= single {
-            return Self::of(elements.iter().enumerate().map(|(i, _)| i as u32).collect());
+            return Self::of((0..elements.len() as u32).collect(), elements);
         }
         let size = (elements.iter().map(|e| e.area).sum::<f64>() / cells).sqrt();
         let (mut known, mut n) = (HashMap::new(), 0);
@@ -51,11 +53,11 @@ impl Pools {
             let facing = (element.normal * 1.2).round().as_i64vec3();
             *known.entry((patch.instance, patch.material, place, facing)).or_insert_with(&mut next)
         };
-        Self::of(elements.iter().map(pool).collect())
+        Self::of(elements.iter().map(pool).collect(), elements)
     }
 
     /// From the pool of each element.
-    fn of(of: Vec<u32>) -> Self {
+    fn of(of: Vec<u32>, elements: &[Element]) -> Self {
         let n = of.iter().max().map_or(0, |&p| p as usize + 1);
         let mut starts = vec![0; n + 1];
         of.iter().for_each(|&p| starts[p as usize + 1] += 1);
@@ -65,7 +67,11 @@ impl Pools {
             members[next[p as usize] as usize] = i as u32;
             next[p as usize] += 1;
         }
-        Self { of, starts, members }
+        let mut up_to: Vec<f64> = members.iter().map(|&i| elements[i as usize].area).collect();
+        for pool in starts.windows(2) {
+            (pool[0] as usize + 1..pool[1] as usize).for_each(|k| up_to[k] += up_to[k - 1]);
+        }
+        Self { of, starts, members, up_to }
     }
 
     /// How many there are.
@@ -81,6 +87,21 @@ impl Pools {
     /// The pool of an element.
     pub fn of_element(&self, i: usize) -> u32 {
         self.of[i]
+    }
+
+    /// The element at a fraction of a pool's area, and the fraction of its own area that is left.
+    pub fn at(&self, p: usize, fraction: f64) -> (u32, f64) {
+        let range = self.starts[p] as usize..self.starts[p + 1] as usize;
+        let up_to = &self.up_to[range.clone()];
+        let [first, .., all] = up_to else { return (self.members[range.start], fraction) };
+        let place = fraction * all;
+        if place < *first {
+            return (self.members[range.start], place / first);
+        }
+        let k = up_to.partition_point(|a| *a <= place).min(up_to.len() - 1);
+        let width = up_to[k] - up_to[k - 1];
+        let left = if width > 0.0 { ((place - up_to[k - 1]) / width).clamp(0.0, 1.0 - f64::EPSILON) } else { 0.5 };
+        (self.members[range.start + k], left)
     }
 
     /// The elements of a pool, rising.
@@ -147,6 +168,16 @@ mod tests {
             for other in pools.members(p).iter().map(|&i| &elements[i as usize]) {
                 assert!(other.normal.dot(first.normal) > 0.0 && (other.centre() - first.centre()).abs().max_element() < size);
                 assert_eq!(pools.of_element(pools.members(p)[0] as usize), p as u32);
+            }
+        }
+        // Every element has its part of its pool.
+        for p in 0..pools.n() {
+            let all: f64 = pools.members(p).iter().map(|&i| elements[i as usize].area).sum();
+            let mut sum = 0.0;
+            for &i in pools.members(p) {
+                let (at, left) = pools.at(p, (sum + 0.25 * elements[i as usize].area) / all);
+                assert!(at == i && (left - 0.25).abs() < 1e-6, "{at} at {left}, not {i}");
+                sum += elements[i as usize].area;
             }
         }
         // Power is kept.

@@ -24,7 +24,7 @@ use super::super::mesh::{self, Element, ElementMesh, Lift};
 use super::super::stream::{In, Out};
 use super::super::system::{System, Unknowns};
 use super::pools::Pools;
-use crate::math::{DVec3, Frame, Ray};
+use crate::math::{DVec3, Frame, Ray, Vec2};
 use crate::sampling::{rng, sequence, warp};
 use crate::transport::World;
 
@@ -299,8 +299,7 @@ impl Stochastic {
     ) -> Vec<[u32; 2]> {
         let mut met = Vec::with_capacity((range.end - range.start) as usize);
         let mut at = starts.partition_point(|&s| s <= range.start) - 1;
-        let source =
-            |at: usize| Source::new(mesh, self.pools.members(active[at] as usize), rng::key(&[self.seed, u64::from(active[at])]));
+        let source = |at: usize| Source::new(mesh, &self.pools, active[at] as usize, self.seed);
         let mut element = source(at);
         for k in range {
             if starts[at + 1] <= k {
@@ -396,8 +395,8 @@ impl Stochastic {
         let rounds = f64::from(self.rounds);
         let (mut variance, mut all) = (0.0, 0.0);
         for (p, error) in self.errors().iter().enumerate() {
-            for c in 0..3 {
-                variance += self.pooled.area[p] * error[c].powi(2);
+            for (c, error) in error.iter().enumerate() {
+                variance += self.pooled.area[p] * error.powi(2);
                 all += self.pooled.area[p] * (self.pooled.direct[p][c] + self.sum[p][c] / rounds).powi(2);
             }
         }
@@ -405,58 +404,64 @@ impl Stochastic {
     }
 }
 
-/// Elements as a source of rays.
+/// A pool as a source of rays.
 struct Source<'a> {
-    members: Vec<Sender<'a>>,
+    mesh: &'a ElementMesh,
+    pools: &'a Pools,
+    pool: usize,
+    /// The only element.
+    only: Option<Sender<'a>>,
     key: u64,
 }
 
-/// One of them.
+impl<'a> Source<'a> {
+    fn new(mesh: &'a ElementMesh, pools: &'a Pools, pool: usize, seed: u64) -> Self {
+        let only = match pools.members(pool) {
+            [only] => Some(Sender::new(mesh, *only)),
+            _ => None,
+        };
+        Self { mesh, pools, pool, only, key: rng::key(&[seed, pool as u64]) }
+    }
+
+    /// From a point uniform over it, in a direction by the cosine: two dimensions each of a sequence.
+    fn ray(&self, sample: u32) -> Ray {
+        let [u, v] = sequence::point_2d(sample, self.key).to_array().map(f64::from);
+        let direction = sequence::point_2d(sample, self.key ^ 0x6469_7265);
+        if let Some(only) = &self.only {
+            return only.ray([u, v], direction);
+        }
+        // What is left of the first number tells where on the element it chose.
+        let (element, u) = self.pools.at(self.pool, u);
+        Sender::new(self.mesh, element).ray([u, v], direction)
+    }
+}
+
+/// An element that sends rays out.
 struct Sender<'a> {
     element: &'a Element,
-    /// The area of all up to it.
-    up_to: f64,
     frame: Frame,
     lift: Lift,
     /// The points that light can reach, where it cannot reach all.
     exposed: Vec<[f64; 2]>,
 }
 
-impl<'a> Source<'a> {
-    fn new(mesh: &'a ElementMesh, members: &[u32], key: u64) -> Self {
-        let mut up_to = 0.0;
-        let sender = |&i: &u32| {
-            let element = &mesh.elements()[i as usize];
-            up_to += element.area;
-            let is_whole = (0..mesh::POINTS).all(|k| element.exposes(k));
-            let points = (0..mesh::POINTS).filter(|&k| !is_whole && element.exposes(k));
-            let exposed = points.map(|k| mesh::point(i, k as u32)).collect();
-            Sender { element, up_to, frame: Frame::from_normal(element.normal.as_vec3()), lift: element.lift(), exposed }
-        };
-        Self { members: members.iter().map(sender).collect(), key }
+impl<'a> Sender<'a> {
+    fn new(mesh: &'a ElementMesh, i: u32) -> Self {
+        let element = &mesh.elements()[i as usize];
+        let is_whole = (0..mesh::POINTS).all(|k| element.exposes(k));
+        let points = (0..mesh::POINTS).filter(|&k| !is_whole && element.exposes(k));
+        let exposed = points.map(|k| mesh::point(i, k as u32)).collect();
+        Self { element, frame: Frame::from_normal(element.normal.as_vec3()), lift: element.lift(), exposed }
     }
 
-    /// From a point uniform over them, in a direction by the cosine: two dimensions each of a sequence.
-    fn ray(&self, sample: u32) -> Ray {
-        let u = sequence::point_2d(sample, self.key);
-        let mut at = [u.x, u.y].map(f64::from);
-        let mut sender = &self.members[0];
-        if let [_, .., last] = self.members.as_slice() {
-            // What is left of the first number tells where on the one it chose.
-            let place = at[0] * last.up_to;
-            let k = self.members.partition_point(|s| s.up_to <= place).min(self.members.len() - 1);
-            sender = &self.members[k];
-            let before = if k > 0 { self.members[k - 1].up_to } else { 0.0 };
-            let width = sender.up_to - before;
-            at[0] = if width > 0.0 { ((place - before) / width).clamp(0.0, 1.0 - f64::EPSILON) } else { 0.5 };
-        }
-        let p = match sender.exposed.as_slice() {
-            [] => uniform(sender.element, at),
+    fn ray(&self, [u, v]: [f64; 2], direction: Vec2) -> Ray {
+        let p = match self.exposed.as_slice() {
+            [] => uniform(self.element, [u, v]),
             // Light leaves the part in the open alone.
-            points => sender.element.at(points[(at[0] * points.len() as f64) as usize]),
+            points => self.element.at(points[(u * points.len() as f64) as usize]),
         };
-        let dir = sender.frame.to_world(warp::cosine_hemisphere(sequence::point_2d(sample, self.key ^ 0x6469_7265)));
-        Ray::new(sender.lift.in_front(p), dir)
+        let dir = self.frame.to_world(warp::cosine_hemisphere(direction));
+        Ray::new(self.lift.in_front(p), dir)
     }
 }
 
