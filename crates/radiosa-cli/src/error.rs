@@ -16,6 +16,9 @@ pub(crate) enum Error {
     /// The words on the command line do not fit together; exit code 2.
     #[error("{0}")]
     Misuse(String),
+    /// There were none, and this is the help; exit code 2.
+    #[error("{0}")]
+    Silence(String),
     /// Something else was asked for that cannot be done.
     #[error("{message}")]
     Failed { message: String, help: String },
@@ -37,7 +40,7 @@ impl Error {
     }
 
     pub(crate) fn exit_code(&self) -> ExitCode {
-        ExitCode::from(if matches!(self, Self::Misuse(_)) { 2 } else { 1 })
+        ExitCode::from(if matches!(self, Self::Misuse(_) | Self::Silence(_)) { 2 } else { 1 })
     }
 
     fn help_text(&self) -> &str {
@@ -55,7 +58,9 @@ impl Error {
         let shown = Shown::new(self);
         let width = terminal_width();
         let handler = if colour() { GraphicalReportHandler::new() } else { GraphicalReportHandler::new_themed(plain()) };
-        if matches!(self, Self::Misuse(_)) || handler.with_width(width).render_report(&mut text, &shown).is_err() {
+        if let Self::Silence(help) = self {
+            text.clone_from(help);
+        } else if matches!(self, Self::Misuse(_)) || handler.with_width(width).render_report(&mut text, &shown).is_err() {
             text = format!("error: {self}\n");
         }
         // If standard error is gone there is nobody to tell.

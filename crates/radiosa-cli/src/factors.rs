@@ -9,6 +9,7 @@ use radiosa::export::matrix;
 use radiosa::import::Warning;
 use radiosa::radiosity::between::{Between, Correction};
 use radiosa::radiosity::form_factor::{self as form_factor, Factors, area, hemicube, hemisphere, pair};
+use radiosa::radiosity::medium::Medium;
 use radiosa::radiosity::mesh::{self, ElementMesh, Sides};
 use radiosa::scene::Geometry;
 use radiosa::transport::World;
@@ -36,21 +37,28 @@ fn factors(args: &Args, json: bool) -> Result<ExitCode, Error> {
     for output in &args.output {
         matrix::check_target(output)?;
     }
+    if args.absorption > 0.0 && args.correct == Correct::Closure {
+        let message = "error: --correct closure makes rows sum to one, and with --absorption they do not\n";
+        return Err(Error::Misuse(message.into()));
+    }
     let mut warnings = Vec::new();
-    let scene = plan::read(&args.scene, &[], &args.work, &mut warnings)?;
+    let mut scene = plan::read(&args.scene, &[], &args.work, &mut warnings)?;
     let outputs =
         if args.output.is_empty() { vec![PathBuf::from(format!("{}-factors.csv", scene.name))] } else { args.output.clone() };
     for output in &outputs {
         matrix::check_target(output)?;
     }
-    let mut warn = |name, message: String| warnings.push(Warning { name, path: PathBuf::from(&args.scene), message });
     let exact_shapes = scene.instances.iter().filter(|i| !matches!(i.geometry, Geometry::Mesh(_))).count();
     if exact_shapes > 0 {
-        let message =
-            format!("{exact_shapes} spheres and discs block (not for hemicubes), but have no factors: give them as meshes");
-        warn("exact-shapes", message);
+        let rings = args.sphere_rings;
+        let message = format!(
+            "{exact_shapes} spheres and discs are taken as {rings} rings of {} faces: errors fall with the square of --sphere-rings",
+            2 * rings
+        );
+        warnings.push(Warning { name: "exact-shapes", path: PathBuf::from(&args.scene), message });
+        radiosa::radiosity::tessellate(&mut scene, rings);
     }
-    let world = World::prepare(scene, plan::cpu_path(args.work.cpu_path)?)?;
+    let world = plan::prepare(scene, &args.work)?;
     let settings = mesh::Settings {
         elements: args.elements.unwrap_or(0),
         size: args.size,
@@ -64,7 +72,8 @@ fn factors(args: &Args, json: bool) -> Result<ExitCode, Error> {
         return Err(Error::failed(message, "ask for a larger --size, or fewer --elements"));
     }
     let (group_of, names) = groups(&world, &mesh, args.by);
-    let factors = Factors::new(&world, &mesh, &estimator(args), args.seed);
+    let medium = Medium { absorption: [args.absorption; 3] };
+    let factors = Factors::in_medium(&world, &mesh, &estimator(args), medium, args.seed);
     factors_within_memory(&factors, &args.work)?;
     if !args.work.quiet {
         say_warnings(&warnings);

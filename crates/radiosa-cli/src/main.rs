@@ -45,7 +45,7 @@ fn run(args: args::Arguments) -> Result<ExitCode, error::Error> {
         None => {
             use clap::CommandFactory;
             let mut command = args::Arguments::command();
-            Err(error::Error::Misuse(command.render_help().to_string()))
+            Err(error::Error::Silence(command.render_help().to_string()))
         }
     }
 }

@@ -2,12 +2,13 @@
 
 use std::fmt::Write as _;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
 use radiosa::export::image::Recipe;
 use radiosa::export::{self, ExportError};
+use radiosa::import::Warning;
 use radiosa::measure::{self, Grid, Reading, Sensor, Summary};
 use radiosa::radiosity::{self, gather};
 use radiosa::scene::Quantity;
@@ -15,7 +16,7 @@ use radiosa::transport::World;
 use rayon::prelude::*;
 use serde_json::json;
 
-use crate::args::{Measure, MeasureMethod};
+use crate::args::{Measure, MeasureMethod, Radiosity};
 use crate::error::Error;
 use crate::false_color::{self, Values};
 use crate::progress::Progress;
@@ -35,11 +36,20 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
     for output in &args.output {
         check(output)?;
         if args.grid.is_none() && has_ending(output, "png") {
-            return Err(Error::Misuse("error: a .png shows a grid: measure with --grid METRES\n".into()));
+            return Err(Error::Misuse("a .png shows a grid: measure with --grid METRES".into()));
         }
     }
     let mut warnings = Vec::new();
     let mut scene = plan::load(&args.scene, &args.changes, &args.work, &mut warnings)?;
+    let without_effect = |option: &&String| match args.method {
+        MeasureMethod::Raycast => *option == "solution" || Radiosity::options().contains(option),
+        MeasureMethod::Radiosity => *option == "emitters",
+    };
+    warnings.extend(args.given.iter().filter(without_effect).map(|option| Warning {
+        name: "no-effect",
+        path: PathBuf::from(&args.scene),
+        message: format!("--{option} changes nothing with --method {}", method_name(args.method)),
+    }));
     if args.method == MeasureMethod::Radiosity {
         radiosity::tessellate(&mut scene, solve::rings(&args.radiosity, args.solution.as_deref())?);
     }
@@ -71,7 +81,7 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
     };
     let mut report = json!({
         "scene": world.scene().name,
-        "method": match args.method { MeasureMethod::Radiosity => "radiosity", MeasureMethod::Raycast => "raycast" },
+        "method": method_name(args.method),
         "quantity": output::quantity_name(quantity),
         "sensors": sensors.len(),
         "unit": unit,
@@ -112,6 +122,13 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
         crate::version::say(&report.to_string());
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn method_name(method: MeasureMethod) -> &'static str {
+    match method {
+        MeasureMethod::Radiosity => "radiosity",
+        MeasureMethod::Raycast => "raycast",
+    }
 }
 
 fn has_ending(path: &Path, ending: &str) -> bool {
@@ -155,7 +172,7 @@ fn sensors(args: &Measure, world: &World) -> Result<(Vec<Sensor>, Option<Grid>),
         (None, Some(spacing)) => measure::grid(world, spacing, args.height)
             .map(|grid| (grid.sensors.clone(), Some(grid)))
             .map_err(|e| Error::failed(e.to_string(), "ask for a wider --grid, or look at the --scale of the scene")),
-        (None, None) => Err(Error::Misuse("error: say where to measure: --points FILE or --grid METRES\n".into())),
+        (None, None) => Err(Error::Misuse("say where to measure: --points FILE or --grid METRES".into())),
     }
 }
 

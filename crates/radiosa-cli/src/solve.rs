@@ -8,6 +8,7 @@ use radiosa::export::image::Recipe;
 use radiosa::export::{mesh as lit_mesh, solution as file};
 use radiosa::import::Warning;
 use radiosa::radiosity::form_factor::{Factors, Row, Scratch};
+use radiosa::radiosity::medium::Medium;
 use radiosa::radiosity::mesh::{self, ElementMesh};
 use radiosa::radiosity::{self, Division, Progress, Settings, Solution, refine, solve};
 use radiosa::scene::Light;
@@ -51,6 +52,7 @@ pub(crate) fn settings(options: &Radiosity, seed: u64, extra_lights: &[Light]) -
             ..solve::Stop::default()
         },
         refine: refine::Settings { levels: options.refine, threshold: options.refine_step, ..refine::Settings::default() },
+        medium: Medium { absorption: options.absorption.unwrap_or_default().map(f64::from) },
         extra_lights: extra_lights.to_vec(),
         seed,
         ..Settings::default()
@@ -191,10 +193,10 @@ pub(crate) fn factors_within_memory(factors: &Factors, work: &Work) -> Result<()
     if (n as u64).pow(2) * BYTES <= work.max_memory || n == 0 {
         return Ok(());
     }
-    let (mut row, mut scratch, mut entries) = (Row::new(), Scratch::default(), 0);
+    let (mut row, mut scratch, mut entries) = (Row::default(), Scratch::default(), 0);
     for k in 0..ROWS {
         factors.row((n * (2 * k + 1) / (2 * ROWS)) as u32, &mut row, &mut scratch);
-        entries += row.len();
+        entries += row.entries.len();
     }
     let needed = (entries as u64 * n as u64 / ROWS as u64) * BYTES;
     plan::within_memory_or(
@@ -286,12 +288,11 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
                 None => format!("residual    {:.2e}", last.residual),
             });
         }
-        lines.extend([
-            format!("emitted     {power} {}", power_unit(&world)),
-            format!("absorbed    {}", part(balance.absorbed)),
-            format!("escaped     {}", part(balance.escaped)),
-            format!("unshot      {}", part(balance.unshot)),
-        ]);
+        lines.extend([format!("emitted     {power} {}", power_unit(&world)), format!("absorbed    {}", part(balance.absorbed))]);
+        if !solution.system.medium.is_clear() {
+            lines.push(format!("in medium   {}", part(balance.in_medium)));
+        }
+        lines.extend([format!("escaped     {}", part(balance.escaped)), format!("unshot      {}", part(balance.unshot))]);
         if solved.done < 1.0 {
             let done = solved.done * 100.0;
             lines.push(format!("unfinished  {done:.1} % is done; run it again with --resume to go on"));
@@ -318,7 +319,7 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
             "pairs": last.map(|r| r.n_pairs),
             "rays": last.map(|r| r.n_rays),
             "balance": {
-                "emitted": balance.emitted, "absorbed": balance.absorbed, "escaped": balance.escaped, "unshot": balance.unshot,
+                "emitted": balance.emitted, "absorbed": balance.absorbed, "in_medium": balance.in_medium, "escaped": balance.escaped, "unshot": balance.unshot,
                 "error": balance.error(),
             },
             "surfaces": surfaces(&world, solution),

@@ -1,23 +1,15 @@
 //! What somebody who types commands sees: exit codes, messages, files.
 
-use std::path::Path;
+mod common;
+
 use std::process::Output;
 
-use assert_cmd::Command;
-
-fn radiosa(dir: &Path, args: &[&str]) -> Output {
-    let mut command = Command::cargo_bin("radiosa").expect("the command is built");
-    command.current_dir(dir).env("NO_COLOR", "1").env("COLUMNS", "100").args(args).output().expect("it runs")
-}
+use common::{radiosa, text};
 
 fn in_folder(args: &[&str]) -> (tempfile::TempDir, Output) {
     let dir = tempfile::tempdir().expect("temporary folders can be made");
     let output = radiosa(dir.path(), args);
     (dir, output)
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
 }
 
 #[test]
@@ -53,7 +45,82 @@ fn misuse_ends_with_2_and_names_the_nearest_option() {
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("raycast"));
     let (_dir, output) = in_folder(&[]);
-    assert_eq!(output.status.code(), Some(2));
+    assert!(output.status.code() == Some(2) && text(&output.stderr).starts_with("One engine for light"));
+    for args in [&["sheet", "room"][..], &["sheet", "room", "--rows", "spp"], &["measure", "room"]] {
+        let (_dir, output) = in_folder(args);
+        assert_eq!((output.status.code(), text(&output.stderr).matches("error:").count()), (Some(2), 1), "{args:?}");
+    }
+}
+
+#[test]
+fn what_changes_nothing_is_said() {
+    let said = |args: &[&str]| {
+        let (_dir, output) = in_folder(&[&["render", "--size", "16x12", "--spp", "1"], args].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        text(&output.stderr)
+    };
+    let no_effect = |text: &str| text.lines().filter(|l| l.starts_with("warning[no-effect]")).count();
+    let words = said(&["room", "-m", "raycast", "--interpolation", "flat", "--fresnel", "on", "--elements", "100"]);
+    assert!(no_effect(&words) == 3 && words.contains("--interpolation changes nothing with --method raycast"), "{words}");
+    let words = said(&["room", "-m", "scanline", "--interpolation", "flat", "--shadows", "on", "--adaptive", "--emitters", "2"]);
+    assert!(no_effect(&words) == 2 && words.contains("1 samples a pixel"), "{words}");
+    let words = said(&["room", "-m", "whitted", "--adaptive", "0.2", "--fresnel", "on"]);
+    assert!(no_effect(&words) == 1 && words.contains("adaptive (0.2) samples a pixel"), "{words}");
+    // The lamp is one of 5×5 points: nothing was left out.
+    assert!(!said(&["cornell-box", "-m", "raycast"]).contains("the limit"));
+}
+
+#[test]
+fn a_lens_that_is_not_drawn_is_said() {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    let with_lens = ["--set", "camera.main.aperture=0.1"];
+    let draw = |method: &str| {
+        let args = ["render", "cornell-box", "--size", "16x16", "--spp", "1", "-m", method];
+        let output = radiosa(dir.path(), &[&args[..], &with_lens].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        text(&output.stderr)
+    };
+    assert!(draw("scanline").contains("warning[no-lens]"));
+    assert!(!draw("raycast").contains("no-lens"));
+}
+
+const MIRROR_BEFORE_A_SKY: &str = r#"
+background = 1
+
+[camera.main]
+position = [0, 0, 1]
+look_at = [0, 0, 0]
+
+[material.mirror]
+phong = { diffuse = 0.3, specular = 0, mirror = 0.7 }
+
+[[shape]]
+name = "mirror"
+material = "mirror"
+quad = [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]]
+"#;
+
+#[test]
+fn a_mirror_that_shows_the_background_needs_no_default_light() {
+    // All the camera sees is a mirror, in which there is a background.
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    std::fs::write(dir.path().join("mirror.toml"), MIRROR_BEFORE_A_SKY).expect("a file can be written");
+    let said = |method: &str| {
+        let output = radiosa(dir.path(), &["render", "mirror.toml", "--size", "16x16", "--spp", "1", "-m", method]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        text(&output.stderr)
+    };
+    assert!(!said("whitted").contains("default-light"), "{}", said("whitted"));
+    assert!(said("raycast").contains("default-light"), "the twin: ray casting sees a black mirror");
+}
+
+#[test]
+fn negative_numbers_are_refused_as_numbers() {
+    for args in [["--min-weight", "-1"], ["--adaptive", "-0.5"], ["--scale", "-2"]] {
+        let (_dir, output) = in_folder(&[&["render"], &args[..]].concat());
+        let words = text(&output.stderr);
+        assert!(output.status.code() == Some(2) && words.contains("give a"), "{args:?}: {words}");
+    }
 }
 
 #[test]
@@ -70,9 +137,14 @@ fn what_can_be_known_to_fail_fails_before_the_first_ray() {
     assert!(text(&output.stderr).contains("does not exist"), "{}", text(&output.stderr));
     let (_dir, output) = in_folder(&["render", "-o", "a.jpg"]);
     assert!(text(&output.stderr).contains(".png"), "{}", text(&output.stderr));
-    let (_dir, output) = in_folder(&["render", "--size", "60000x60000", "--max-memory", "1G"]);
-    assert_eq!(output.status.code(), Some(1));
-    assert!(text(&output.stderr).contains("--max-memory"), "{}", text(&output.stderr));
+    let faces = ["render", "phong-spheres", "-m", "scanline", "--tessellation", "1024", "--size", "8x8"];
+    for too_much in
+        [&["render", "--size", "60000x60000", "--max-memory", "1G"][..], &[&faces[..], &["--max-memory", "200M"]].concat()]
+    {
+        let (_dir, output) = in_folder(too_much);
+        assert_eq!(output.status.code(), Some(1));
+        assert!(text(&output.stderr).contains("--max-memory"), "{}", text(&output.stderr));
+    }
 }
 
 #[test]

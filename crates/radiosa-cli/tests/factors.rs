@@ -1,19 +1,11 @@
 //! `radiosa factors`: files in, factors out.
 
+mod common;
+
 use std::path::Path;
-use std::process::Output;
 
-use assert_cmd::Command;
+use common::{radiosa, text};
 use serde_json::Value;
-
-fn radiosa(dir: &Path, args: &[&str]) -> Output {
-    let mut command = Command::cargo_bin("radiosa").expect("the command is built");
-    command.current_dir(dir).env("NO_COLOR", "1").env("COLUMNS", "100").args(args).output().expect("it runs")
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
 
 /// A line of the output: from, to, and area, factor and standard error.
 type Line = (String, String, [f64; 3]);
@@ -150,4 +142,46 @@ fn what_cannot_be_written_or_read_is_said_before_anything_is_done() {
 fn the_help_is_as_it_was_reviewed() {
     let dir = tempfile::tempdir().expect("temporary folders can be made");
     insta::assert_snapshot!("factors-help", text(&radiosa(dir.path(), &["factors", "--help"]).stdout));
+}
+
+#[test]
+fn spheres_and_discs_are_divided_and_converge_at_second_order() {
+    use radiosa_testkit::form_factor as closed;
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    let ball = "[[shape]]\nname = \"ball\"\nsphere = { radius = 0.5 }\n";
+    let disc = "[[shape]]\nname = \"disc\"\ndisc = { radius = 1, center = [0, 1, 0], normal = [0, -1, 0] }\n";
+    let quad = "[[shape]]\nname = \"quad\"\nquad = [[0, -1, 0], [0, -1, 1], [1, -1, 1], [1, -1, 0]]\n";
+    std::fs::write(dir.path().join("ball.toml"), format!("{ball}{disc}{quad}")).expect("it can be written");
+    let error = |rings: &str| {
+        let all = factors(dir.path(), &["ball.toml", "--sphere-rings", rings, "--sampled-shadows"]);
+        // A convex thing sees nothing of itself.
+        assert_eq!(factor(&all, "ball", "ball"), 0.0, "{rings}");
+        let truths = [("disc", closed::sphere_to_disc(1.0, 1.0)), ("quad", closed::sphere_to_rectangle(1.0, 1.0, 1.0))];
+        truths.map(|(to, truth)| (factor(&all, "ball", to) / truth - 1.0).abs())
+    };
+    let (coarse, fine) = (error("8"), error("32"));
+    for k in 0..2 {
+        let order = (coarse[k] / fine[k]).log2() / 2.0;
+        println!("errors {:.1e} {:.1e}, order {order:.2}", coarse[k], fine[k]);
+        assert!(order > 1.8 && fine[k] < 0.01, "{coarse:?} {fine:?}");
+    }
+    // Said once.
+    let output = radiosa(dir.path(), &["factors", "ball.toml", "-o", "out.csv"]);
+    assert_eq!(text(&output.stderr).matches("--sphere-rings").count(), 1, "{}", text(&output.stderr));
+}
+
+#[test]
+fn a_medium_takes_its_part_of_what_squares_exchange() {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    std::fs::write(dir.path().join("squares.vs3"), SQUARES).expect("it can be written");
+    let truth = radiosa_testkit::form_factor::opposed_squares_through(1.0, 0.7);
+    for (estimator, bound) in [("analytic", 1e-5), ("hemisphere", 5e-3)] {
+        let all = factors(dir.path(), &["squares.vs3", "--absorption", "0.7", "--estimator", estimator]);
+        assert!((factor(&all, "floor", "lid") - truth).abs() < bound, "{estimator}: {all:?} not {truth}");
+    }
+    let output = radiosa(dir.path(), &["factors", "squares.vs3", "--absorption", "0.7", "--correct", "closure"]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+    // What the scene takes is held against what is allowed.
+    let output = radiosa(dir.path(), &["factors", "cornell-box", "--max-memory", "1K"]);
+    assert!(text(&output.stderr).contains("the scene takes"), "{}", text(&output.stderr));
 }

@@ -1,19 +1,11 @@
 //! `radiosa sheet`: what its cells show, what its labels leave alone, what it says when something is wrong.
 
+mod common;
+
 use std::path::Path;
-use std::process::Output;
 
-use assert_cmd::Command;
+use common::{radiosa, text};
 use serde_json::Value;
-
-fn radiosa(dir: &Path, args: &[&str]) -> Output {
-    let mut command = Command::cargo_bin("radiosa").expect("the command is built");
-    command.current_dir(dir).env("NO_COLOR", "1").env("COLUMNS", "100").args(args).output().expect("it runs")
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
 
 /// A sheet's report.
 fn sheet(dir: &Path, args: &[&str]) -> Value {

@@ -1,20 +1,13 @@
 //! `radiosa solve`: solutions that are kept, gone on with, shown, measured and exported.
 
+mod common;
+
 use std::path::Path;
-use std::process::{Command as Process, Output, Stdio};
+use std::process::{Command as Process, Stdio};
 use std::time::{Duration, Instant};
 
-use assert_cmd::Command;
+use common::{radiosa, text};
 use serde_json::Value;
-
-fn radiosa(dir: &Path, args: &[&str]) -> Output {
-    let mut command = Command::cargo_bin("radiosa").expect("the command is built");
-    command.current_dir(dir).env("NO_COLOR", "1").env("COLUMNS", "100").args(args).output().expect("it runs")
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
 
 fn ok(dir: &Path, args: &[&str]) -> Value {
     let output = radiosa(dir, &[args, &["--json", "-q"]].concat());

@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use radiosa::film::{Film, Filter, Layer};
+use radiosa::film::{Decomposition, Film, Filter, Layer};
 use radiosa::import::{ImportError, Options, load};
 use radiosa::math::CpuPath;
-use radiosa::raytrace::{RayCast, ray_cast, tiles};
+use radiosa::raytrace::{RayCast, Whitted, ray_cast, tiles, whitted};
+use radiosa::scanline::{self, Interpolation, ScanLine};
 use radiosa::scene::Scene;
-use radiosa::transport::{Emitters, LightSettings, Solver, Step, View, World, default_light, framing};
+use radiosa::transport::{Emitters, Integrator, LightSettings, Solver, Step, View, World, default_light, framing};
 
 const SIZE: (u32, u32) = (64, 48);
 
@@ -44,24 +45,41 @@ fn scenes(dir: &Path, out: &mut Vec<PathBuf>) {
     }
 }
 
-/// As the command does it, small: the default light where nothing would be seen.
-fn render(scene: Scene) -> Film {
-    let world = World::prepare(scene, CpuPath::detect()).expect("what loads can be prepared");
-    let aspect = f64::from(SIZE.0) / f64::from(SIZE.1);
-    let camera = world.scene().cameras.first().cloned().unwrap_or_else(|| framing::automatic(&world, aspect));
-    let view = View::new(&camera, world.origin(), SIZE.0, SIZE.1);
-    let lights = LightSettings { emitters: Emitters::Points { n: 1, max: 64 }, ..LightSettings::default() };
-    let mut settings = ray_cast::Settings { lights, ..ray_cast::Settings::default() };
-    let mut method = RayCast::new(&world, &settings, view.forward());
-    if default_light::survey(&world, &view, SIZE, &method).visible == 0 {
-        settings.extra_lights = default_light::lights(&camera);
-        method = RayCast::new(&world, &settings, view.forward());
+/// A scene as the command prepares it, small: the default light where nothing would be seen.
+struct Stage {
+    world: World,
+    view: View,
+    ray_cast: ray_cast::Settings,
+}
+
+impl Stage {
+    fn new(scene: Scene) -> Self {
+        let world = World::prepare(scene, CpuPath::detect()).expect("what loads can be prepared");
+        let aspect = f64::from(SIZE.0) / f64::from(SIZE.1);
+        let camera = world.scene().cameras.first().cloned().unwrap_or_else(|| framing::automatic(&world, aspect));
+        let view = View::new(&camera, world.origin(), SIZE.0, SIZE.1);
+        let lights = LightSettings { emitters: Emitters::Points { n: 1, max: 64 }, ..LightSettings::default() };
+        let mut ray_cast = ray_cast::Settings { lights, ..ray_cast::Settings::default() };
+        let method = RayCast::new(&world, &ray_cast, view.forward());
+        if default_light::survey(&world, &view, SIZE, &method).visible == 0 {
+            ray_cast.extra_lights = default_light::lights(&camera);
+        }
+        Self { world, view, ray_cast }
     }
-    let layers = vec![Layer::Color];
-    let settings = tiles::Settings { width: SIZE.0, height: SIZE.1, spp: 1, filter: Filter::Box, seed: 0, layers };
-    let mut render = tiles::TiledRender::new(&method, &view, settings).expect("the film is small");
-    while let Step::Working { .. } = render.step(&world) {}
-    render.into_film()
+
+    fn cast(&self, layers: &[Layer]) -> Film {
+        self.trace(&RayCast::new(&self.world, &self.ray_cast, self.view.forward()), layers)
+    }
+
+    fn trace(&self, method: &impl Integrator, layers: &[Layer]) -> Film {
+        let mut render = tiles::TiledRender::new(method, &self.view, sampling(layers)).expect("the film is small");
+        while let Step::Working { .. } = render.step(&self.world) {}
+        render.into_film()
+    }
+}
+
+fn sampling(layers: &[Layer]) -> tiles::Settings {
+    tiles::Settings { width: SIZE.0, height: SIZE.1, spp: 1, filter: Filter::Box, seed: 0, layers: layers.to_vec() }
 }
 
 /// The backdrop of the default light has a gradient; a thing in front of it, or anything lit, breaks the rows.
@@ -84,7 +102,7 @@ fn every_scene_of_the_collection_is_rendered_or_refused_with_a_reason() {
         let name = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         match load(file, &Options::default()) {
             Ok((scene, _)) => {
-                if !shows_something(&render(scene)) && !NOTHING_TO_SEE.contains(&name.as_str()) {
+                if !shows_something(&Stage::new(scene).cast(&[Layer::Color])) && !NOTHING_TO_SEE.contains(&name.as_str()) {
                     wrong.push(format!("{name} shows nothing"));
                 }
             }
@@ -99,4 +117,52 @@ fn every_scene_of_the_collection_is_rendered_or_refused_with_a_reason() {
     eprintln!("{} files, refused for required extensions: {}", files.len(), refused.join(", "));
     assert!(refused.len() <= 14, "{refused:?}");
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Files of every kind of material, light and transparency.
+const OF_EVERY_KIND: [&str; 14] = [
+    "small-house/small-house.gltf",
+    "country-kitchen/kitchen.gltf",
+    "coffee-maker/coffee.gltf",
+    "cornell-box-mcguire/CornellBox-Water.obj",
+    "cornell-box-mcguire/CornellBox-Sphere.obj",
+    "mixed-lighting/MixedLightingExample.gltf",
+    "shader-balls/shaderball.glb",
+    "utah-teapot-tea/teapot-full.gltf",
+    "tonemapping-test/TonemappingTest.gltf",
+    "suzanne/glTF/Suzanne.gltf",
+    "spot/spot.obj",
+    "game-room/tile-game-room6.glb",
+    "living-room/living_room.glb",
+    "glass-table/glass-table.glb",
+];
+
+#[test]
+fn both_decompositions_sum_to_the_picture_by_every_local_method() {
+    let Some(shared) = radiosa_testkit::shared_dir() else {
+        eprintln!("skipped: the collection of scenes is not beside the checkout");
+        return;
+    };
+    for name in OF_EVERY_KIND {
+        let options = Options { allow_outside: vec![shared.clone()], ..Options::default() };
+        let (scene, _) = load(&shared.join("scenes").join(name), &options).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let stage = Stage::new(scene);
+        let ray_cast::Settings { lights, extra_lights, .. } = stage.ray_cast.clone();
+        let check = |what: &str, film: &Film| {
+            for kind in [Decomposition::Lobe, Decomposition::Path] {
+                let error = film.decomposition_error(kind).expect("all layers are kept");
+                assert!(error < 1e-5, "{name} {what} by {kind:?}: {error}");
+            }
+        };
+        check("ray casting", &stage.cast(&Layer::ALL));
+        let settings = whitted::Settings { lights: lights.clone(), extra_lights: extra_lights.clone(), ..Default::default() };
+        check("whitted", &stage.trace(&Whitted::new(&stage.world, &settings, stage.view.forward()), &Layer::ALL));
+        for interpolation in [Interpolation::Flat, Interpolation::Gouraud, Interpolation::Phong] {
+            let (lights, extra_lights) = (lights.clone(), extra_lights.clone());
+            let settings = scanline::Settings { interpolation, lights, extra_lights, ..Default::default() };
+            let mut render = ScanLine::new(&stage.world, &stage.view, &settings, sampling(&Layer::ALL)).expect("it can be drawn");
+            while let Step::Working { .. } = render.step(&stage.world) {}
+            check("scan line", render.solution());
+        }
+    }
 }

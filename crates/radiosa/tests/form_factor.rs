@@ -81,6 +81,34 @@ fn points_see_the_fraction_their_closed_forms_say() {
         worst = worst.max(error);
     }
     println!("worst {worst:.1e}");
+    // The twin: without 1/π.
+    let twin = of_kind(&all, "element-polygon").into_iter().map(|c| {
+        let (p, n) = (vector(&c["surface1"]["point"]), vector(&c["surface1"]["normal"]));
+        std::f64::consts::PI * analytic::point_to_polygon(p, n, &polygon(&c["surface2"]), &mut scratch) - number(&c["F12"])
+    });
+    assert!(twin.fold(0.0, |worst: f64, off| worst.max(off.abs())) > 0.1);
+}
+
+#[test]
+fn every_entry_of_the_reference_is_of_a_kind_that_is_tested() {
+    // By test: polygons_exchange…, points_see…, closed_forms… and tessellated…, polygons_with_something_between_them….
+    let tested = [
+        ("polygon-polygon", 42),
+        ("enclosure-matrix", 3),
+        ("element-polygon", 8),
+        ("disc-disc", 7),
+        ("element-disc", 6),
+        ("element-sphere", 5),
+        ("sphere-disc", 2),
+        ("sphere-rectangle", 2),
+        ("sphere-sphere", 1),
+        ("polygon-polygon-occluded", 12),
+    ];
+    let all = configurations();
+    for (kind, n) in tested {
+        assert_eq!(of_kind(&all, kind).len(), n, "{kind}");
+    }
+    assert_eq!(all.len(), tested.iter().map(|(_, n)| n).sum::<usize>());
 }
 
 fn number(v: &Value) -> f64 {
@@ -185,6 +213,9 @@ fn tessellated_discs_and_spheres_converge_at_second_order() {
         println!("{:8} relative error {coarse:.1e} {fine:.1e}, order {order:.2}", c["id"]);
         // The outline of a sphere of facets comes closer unevenly.
         assert!(order > if c["kind"] == "element-sphere" { 1.6 } else { 1.9 }, "{}: order {order}", c["id"]);
+        // The twin: twice as much, as without 1/2.
+        let twin = sizes.map(|n| (2.0 * factor(c, n) / number(&c["F12"]) - 1.0).abs());
+        assert!((twin[0] / twin[1]).ln() / (sizes[1] as f64 / sizes[0] as f64).ln() < 1.0, "{}", c["id"]);
     }
 }
 
@@ -217,6 +248,9 @@ fn polygons_with_something_between_them_exchange_what_the_reference_says() {
         println!("tolerance {tolerance:e}: worst {error:.1e} ({id}), {:?} for {}", start.elapsed(), errors.len());
         assert!(error <= bound, "{id} is off by {error:e} at tolerance {tolerance:e}");
     }
+    // The twin: nothing between them.
+    let errors = occluded_errors(|a, b, _| analytic::exchange_area(a, b, 1e-6) / area_vector(a).length());
+    assert!(errors.iter().all(|(_, error)| *error > 1e-3), "{errors:?}");
 }
 
 /// A world of one-sided polygons, each an instance of its own.
@@ -255,13 +289,13 @@ fn whole(world: &World) -> ElementMesh {
 
 /// Factors of one row by any estimator.
 fn row(world: &World, mesh: &ElementMesh, estimator: &Estimator, seed: u64, i: u32) -> Row {
-    let mut row = Row::new();
+    let mut row = Row::default();
     Factors::new(world, mesh, estimator, seed).row(i, &mut row, &mut Scratch::default());
     row
 }
 
 fn entry(row: &Row, j: u32) -> f64 {
-    row.iter().find(|e| e.0 == j).map_or(0.0, |e| e.1)
+    row.entries.iter().find(|e| e.0 == j).map_or(0.0, |e| e.1)
 }
 
 /// A room of the reference: the six faces of a box, and the factors between them.
@@ -294,7 +328,7 @@ fn hemicubes_and_hemispheres_averaged_over_source_points_converge_to_the_truth()
     let converges = |name: &str, estimator: &dyn Fn(u32) -> Estimator| {
         let rows = points.map(|n| row(&world, &mesh, &estimator(n), 1, 0));
         let errors = rows.each_ref().map(|row| row_error(row, &truth));
-        let sum: f64 = rows[4].iter().map(|e| e.1).sum();
+        let sum: f64 = rows[4].entries.iter().map(|e| e.1).sum();
         println!("{name:16} {}   row sum {sum:.6}", errors.map(|e| format!("{e:9.1e}")).join(" "));
         errors[0] > 0.03 && errors[4] < 1e-3 && (sum - 1.0).abs() < 1e-6
     };
@@ -489,12 +523,12 @@ fn rooms_are_told_apart_without_losing_what_doors_let_through() {
         println!("{n} elements, {entries} factors, {:.1} GB, {:.0?}", entries as f64 * 8e-9, start.elapsed());
     }
     let (mut worst, mut through, mut mean): (f64, f64, f64) = Default::default();
-    let (mut of_row, mut scratch) = (Row::new(), Scratch::default());
+    let (mut of_row, mut scratch) = (Row::default(), Scratch::default());
     for k in 0..n_rows {
         let i = (radiosa::sampling::rng::key(&[k]) % n as u64) as u32;
         factors.row(i, &mut of_row, &mut scratch);
         let mut dense = vec![0.0; n];
-        of_row.iter().for_each(|&(j, f)| dense[j as usize] = f);
+        of_row.entries.iter().for_each(|&(j, f)| dense[j as usize] = f);
         let a = &elements[i as usize];
         let room = |p: DVec3| [(p.x / 4.2).floor(), (p.z / 4.2).floor()];
         let (mut error, mut elsewhere) = (0.0, 0.0);

@@ -5,10 +5,10 @@ use std::path::Path;
 use radiosa::film::tone_map::{Curve, Exposure, ToneMap};
 use radiosa::film::{Decomposition, Film, Filter, Layer, Sampling};
 use radiosa::import::{Options, load, sample};
-use radiosa::math::{CpuPath, DAffine3, DVec3};
+use radiosa::math::{CpuPath, DAffine3, DVec3, Vec2};
 use radiosa::raytrace::{RayCast, ray_cast, tiles};
 use radiosa::scanline::{self, ScanLine};
-use radiosa::scene::{self, Quantity, Scene};
+use radiosa::scene::{self, ColorMap, Model, Quantity, Sampler, ScalarMap, Scene, Texture, TextureId, TextureRef, TextureSource};
 use radiosa::spectrum::Spectrum;
 use radiosa::transport::{Emitters, LightSettings, Solver, Step, View, World, default_light, framing};
 
@@ -119,6 +119,9 @@ fn compare(a: &Film, b: &Film, quantity: Quantity) -> Agreement {
     Agreement { alike: alike as f64 / inner.max(1) as f64, far_silhouettes: far, share: inner as f64 / (w * h) as f64 }
 }
 
+const INTERPOLATIONS: [scanline::Interpolation; 3] =
+    [scanline::Interpolation::Flat, scanline::Interpolation::Gouraud, scanline::Interpolation::Phong];
+
 const LAYERS: [Layer; 4] = [Layer::Color, Layer::Normal, Layer::Depth, Layer::ObjectId];
 
 fn prepared(mut scene: Scene) -> Scene {
@@ -188,7 +191,7 @@ fn the_same_holds_on_the_rooms_and_models_of_the_collection() {
 fn both_decompositions_sum_to_the_picture_at_every_interpolation() {
     for name in ["room", "whitted", "light-types", "phong-spheres"] {
         let setting = Setting::new(sample::load(name).expect("it is built in"), 0, (96, 72), 2);
-        for interpolation in [scanline::Interpolation::Flat, scanline::Interpolation::Gouraud, scanline::Interpolation::Phong] {
+        for interpolation in INTERPOLATIONS {
             for spp in [1, 4] {
                 let film = setting.scan(scanline::Settings { interpolation, ..Default::default() }, spp, &Layer::ALL);
                 for kind in [Decomposition::Lobe, Decomposition::Path] {
@@ -295,6 +298,90 @@ fn the_three_interpolations_agree_where_the_faces_are_small() {
     }
 }
 
+/// Materials whose every map is a texture of one colour, and the same as constants.
+fn evenly_textured(scene: &mut Scene) -> [(Model, Model); 3] {
+    const COLOR: [f32; 3] = [0.5, 0.25, 0.75];
+    let color = Spectrum::from(COLOR);
+    let source = TextureSource::Checker { even: color, odd: color, scale: Vec2::ONE };
+    scene.textures.push(Texture { source, sampler: Sampler::default(), is_srgb: false });
+    let texture = TextureRef { texture: TextureId(0), uv_set: 0, transform: None };
+    let map = |factor: f32| ColorMap { factor: Spectrum::gray(factor), texture: Some(texture) };
+    let value = |factor: f32| ScalarMap { factor, texture: Some(texture), channel: 2 };
+    let plain = |factor: f32| ColorMap::constant(color * factor);
+    let scalar = |factor: f32| ScalarMap::constant(factor * COLOR[2]);
+    let phong = |map: &dyn Fn(f32) -> ColorMap, value: &dyn Fn(f32) -> ScalarMap| {
+        let (ambient, diffuse, specular, exponent) = (Some(map(0.3)), map(0.8), map(0.6), value(20.0));
+        Model::Phong(scene::Phong { ambient, diffuse, specular, exponent, ..Default::default() })
+    };
+    let cook_torrance = |map: &dyn Fn(f32) -> ColorMap, value: &dyn Fn(f32) -> ScalarMap| {
+        let (ambient, diffuse, specular, alpha) = (Some(map(0.9)), map(0.5), map(0.7), value(0.4));
+        Model::CookTorrance(scene::CookTorrance { ambient, diffuse, specular, alpha, ..Default::default() })
+    };
+    let metallic_roughness = |map: &dyn Fn(f32) -> ColorMap, value: &dyn Fn(f32) -> ScalarMap| {
+        let (base_color, metallic, roughness) = (map(0.9), value(0.8), value(0.5));
+        let occlusion = Some((value(0.7), 1.0));
+        Model::MetallicRoughness(scene::MetallicRoughness { base_color, metallic, roughness, occlusion, ..Default::default() })
+    };
+    [
+        (phong(&map, &value), phong(&plain, &scalar)),
+        (cook_torrance(&map, &value), cook_torrance(&plain, &scalar)),
+        (metallic_roughness(&map, &value), metallic_roughness(&plain, &scalar)),
+    ]
+}
+
+#[test]
+fn textures_of_one_colour_are_constants_at_every_interpolation() {
+    let with = |model: &Model, textures: Vec<Texture>| {
+        let mut scene = sphere_setting().world.scene().clone();
+        scene.materials[0] = scene::Material { model: model.clone(), ..scene::Material::default() };
+        (scene.textures, scene.ambient) = (textures, Spectrum::gray(0.2));
+        Setting::new(scene, 0, (61, 61), 1)
+    };
+    let mut textured = Scene::new("textures");
+    for (of_textures, of_constants) in evenly_textured(&mut textured) {
+        let factors_only = without_textures(&of_textures);
+        let [a, b, twin] = [&of_textures, &of_constants, &factors_only].map(|model| with(model, textured.textures.clone()));
+        for interpolation in INTERPOLATIONS {
+            for layers in [&Layer::ALL[..], &[Layer::Color]] {
+                let draw = |s: &Setting| s.scan(scanline::Settings { interpolation, ..Default::default() }, 1, layers);
+                let apart = |a: &Film, b: &Film| {
+                    let pairs = a.plane("G").unwrap().iter().zip(b.plane("G").unwrap());
+                    pairs.map(|(a, b)| (a - b).abs() / (1.0 + a)).fold(0f32, f32::max)
+                };
+                let (textures, constants) = (draw(&a), draw(&b));
+                // A metal's reflectance under grazing light does not scale with its base colour, over which textures are laid.
+                let is_laid_over_metal = matches!(of_textures, Model::MetallicRoughness(_)) && interpolation != INTERPOLATIONS[2];
+                let bound = if is_laid_over_metal { 0.03 } else { 1e-4 };
+                let error = apart(&textures, &constants);
+                assert!(error < bound, "{interpolation:?} {of_textures:?}: {error}");
+                assert!(apart(&textures, &draw(&twin)) > 5.0 * bound, "the twin: textures are not ignored");
+            }
+        }
+    }
+}
+
+/// The factors of a model's maps.
+fn without_textures(model: &Model) -> Model {
+    let mut model = model.clone();
+    let color = |map: &mut ColorMap| map.texture = None;
+    let scalar = |map: &mut ScalarMap| map.texture = None;
+    match &mut model {
+        Model::Phong(m) => {
+            m.ambient.iter_mut().chain([&mut m.diffuse, &mut m.specular]).for_each(color);
+            scalar(&mut m.exponent);
+        }
+        Model::CookTorrance(m) => {
+            m.ambient.iter_mut().chain([&mut m.diffuse, &mut m.specular]).for_each(color);
+            scalar(&mut m.alpha);
+        }
+        Model::MetallicRoughness(m) => {
+            color(&mut m.base_color);
+            m.occlusion.iter_mut().map(|o| &mut o.0).chain([&mut m.metallic, &mut m.roughness]).for_each(scalar);
+        }
+    }
+    model
+}
+
 #[test]
 fn scan_line_gives_the_same_bits_at_any_thread_count() {
     let setting = Setting::new(sample::load("room").expect("it is built in"), 0, (161, 97), 2);
@@ -311,7 +398,7 @@ fn scan_line_gives_the_same_bits_at_any_thread_count() {
 
 #[test]
 fn scan_line_gives_the_same_picture_on_both_processor_paths() {
-    for interpolation in [scanline::Interpolation::Flat, scanline::Interpolation::Gouraud, scanline::Interpolation::Phong] {
+    for interpolation in INTERPOLATIONS {
         let film = |path| {
             let mut setting = Setting::new(sample::load("light-types").expect("it is built in"), 0, (161, 97), 2);
             setting.world = World::prepare(setting.world.scene().clone(), path).expect("the scene is valid");
@@ -323,7 +410,7 @@ fn scan_line_gives_the_same_picture_on_both_processor_paths() {
 
 #[test]
 fn layers_and_samples_do_not_change_what_is_seen() {
-    for interpolation in [scanline::Interpolation::Flat, scanline::Interpolation::Gouraud, scanline::Interpolation::Phong] {
+    for interpolation in INTERPOLATIONS {
         let setting = Setting::new(sample::load("whitted").expect("it is built in"), 0, (96, 72), 1);
         let draw = |spp, layers: &[Layer]| setting.scan(scanline::Settings { interpolation, ..Default::default() }, spp, layers);
         let all = draw(1, &Layer::ALL);
@@ -356,6 +443,34 @@ fn multisampled_edges_are_those_of_ray_casting_with_as_many_samples() {
         assert!(off <= 0.02 * edges, "{name}: {off} of {edges} samples");
         let color = |f: &Film| f.plane("G").unwrap().iter().map(|v| f64::from(*v)).sum::<f64>();
         assert!((color(&cast) / color(&scan) - 1.0).abs() < 2e-3, "{name}: {} {}", color(&cast), color(&scan));
+    }
+}
+
+#[test]
+fn a_pile_of_transparent_faces_lets_through_what_all_of_them_do() {
+    // A hundred panes that glow with 1 where they are, and cover 2 % each.
+    let (n, cover) = (100, 0.02f64);
+    let mut scene = Scene::new("pile");
+    let alpha = scene::Alpha { mode: scene::AlphaMode::Blend, value: ScalarMap::constant(cover as f32) };
+    let emission = ColorMap::constant(Spectrum::WHITE);
+    scene.materials.push(scene::Material { alpha, emission, ..scene::Material::lambert("pane", Spectrum::BLACK) });
+    for i in 0..n {
+        scene.instances.push(scene::Instance {
+            name: format!("pane {i}"),
+            geometry: scene::Geometry::Disc,
+            transform: DAffine3::from_translation(DVec3::Y * f64::from(i) * 0.01),
+            material: Some(scene::MaterialId(0)),
+            node: None,
+        });
+    }
+    let projection = scene::Projection::Orthographic { height: 1.0 };
+    scene.cameras.push(scene::Camera::look_at("camera", DVec3::Y * 5.0, DVec3::ZERO, DVec3::Z, projection));
+    let setting = Setting::new(scene, 0, (8, 8), 1);
+    let expected = 1.0 - (1.0 - cover).powi(n);
+    for film in [setting.scan(scanline::Settings::default(), 16, &LAYERS), setting.cast(1, &LAYERS)] {
+        let seen = f64::from(film.color(4, 4).g);
+        assert!((seen - expected).abs() < 1e-4, "{seen} instead of {expected}");
+        assert!((seen - 1.0 + (1.0 - cover).powi(32)).abs() > 0.1, "the twin: only 32 of them");
     }
 }
 

@@ -44,6 +44,10 @@ pub(crate) struct Factors {
     #[arg(long)]
     pub(crate) two_sided: bool,
 
+    /// Rings of quadrilaterals made of a sphere, twice as many around; discs have as many around, and half as many rings
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(2..=256))]
+    pub(crate) sphere_rings: u32,
+
     /// Divide surfaces into elements with edges no longer than this, metres
     #[arg(long, value_name = "METRES", value_parser = parse_positive, conflicts_with = "elements")]
     pub(crate) size: Option<f64>,
@@ -84,6 +88,10 @@ pub(crate) struct Factors {
     /// Enforce afterwards that factors are reciprocal, or also that rows sum to one (closed scenes)
     #[arg(long, value_enum, default_value_t = Correct::None)]
     pub(crate) correct: Correct,
+
+    /// What a medium between surfaces absorbs, per metre: factors are of what arrives through it, and rows sum to less
+    #[arg(long, value_name = "SIGMA", default_value_t = 0.0, value_parser = parse_not_negative)]
+    pub(crate) absorption: f64,
 
     /// Seed of every random stream
     #[arg(long, default_value_t = 0)]
@@ -131,6 +139,10 @@ pub(crate) enum Correct {
     None,
     Reciprocity,
     Closure,
+}
+
+fn parse_not_negative(s: &str) -> Result<f64, String> {
+    s.parse::<f64>().ok().filter(|x| x.is_finite() && *x >= 0.0).ok_or_else(|| "give a number that is not negative".into())
 }
 
 fn parse_positive(s: &str) -> Result<f64, String> {

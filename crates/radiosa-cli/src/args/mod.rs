@@ -46,9 +46,15 @@ impl Arguments {
     pub(crate) fn read() -> Self {
         let matches = Self::command().get_matches();
         let mut arguments = Self::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
-        if let (Some(Verb::Sheet(sheet)), Some((_, matches))) = (&mut arguments.verb, matches.subcommand()) {
+        let given = match &mut arguments.verb {
+            Some(Verb::Sheet(sheet)) => &mut sheet.given,
+            Some(Verb::Render(render)) => &mut render.given,
+            Some(Verb::Measure(measure)) => &mut measure.given,
+            _ => return arguments,
+        };
+        if let Some((_, matches)) = matches.subcommand() {
             let typed = |id: &&clap::Id| matches.value_source(id.as_str()) == Some(ValueSource::CommandLine);
-            sheet.given = matches.ids().filter(typed).map(|id| id.as_str().replace('_', "-")).collect();
+            *given = matches.ids().filter(typed).map(|id| id.as_str().replace('_', "-")).collect();
         }
         arguments
     }
@@ -129,6 +135,10 @@ pub(crate) struct Render {
 
     #[command(flatten)]
     pub(crate) work: Work,
+
+    /// The options that were given, by name.
+    #[arg(skip)]
+    pub(crate) given: Vec<String>,
 }
 
 /// What the work may touch and take; none of it changes a finished picture.

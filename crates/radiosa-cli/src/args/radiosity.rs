@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 
-use super::value::parse_scale;
+use super::value::{parse_color, parse_scale};
 
 /// Everything that decides about a radiosity solution.
 #[derive(Args, Clone, Debug, PartialEq)]
@@ -13,23 +13,27 @@ pub(crate) struct Radiosity {
     pub(crate) elements: u32,
 
     /// The longest edge of an element in metres, instead of --elements
-    #[arg(long, value_name = "METRES", value_parser = parse_scale)]
+    #[arg(long, value_name = "METRES", value_parser = parse_scale, allow_negative_numbers = true)]
     pub(crate) element_size: Option<f64>,
+
+    /// What a medium between surfaces absorbs, per metre: one number, or three for its channels
+    #[arg(long, value_name = "SIGMA", value_parser = parse_color)]
+    pub(crate) absorption: Option<[f32; 3]>,
 
     /// How the radiosity equation is solved
     #[arg(long, value_enum, default_value_t = Solver::Auto)]
     pub(crate) solver: Solver,
 
     /// Stop when the residual is this part of all radiosity (gathering, shooting)
-    #[arg(long, value_name = "X", default_value_t = 1e-6, value_parser = parse_scale)]
+    #[arg(long, value_name = "X", default_value_t = 1e-6, value_parser = parse_scale, allow_negative_numbers = true)]
     pub(crate) residual: f64,
 
     /// Stop when this part of the emitted power is left unshot (shooting) [default: never]
-    #[arg(long, value_name = "X", value_parser = parse_scale)]
+    #[arg(long, value_name = "X", value_parser = parse_scale, allow_negative_numbers = true)]
     pub(crate) unshot: Option<f64>,
 
     /// Stop at this relative standard error of irradiances (stochastic)
-    #[arg(long, value_name = "X", default_value_t = 0.03, value_parser = parse_scale)]
+    #[arg(long, value_name = "X", default_value_t = 0.03, value_parser = parse_scale, allow_negative_numbers = true)]
     pub(crate) error: f64,
 
     /// Who shoots next
@@ -53,12 +57,20 @@ pub(crate) struct Radiosity {
     pub(crate) refine: u32,
 
     /// The largest step of reflected light between elements that --refine leaves, relative to the mean of all surfaces
-    #[arg(long, value_name = "X", default_value_t = 0.1, value_parser = parse_scale)]
+    #[arg(long, value_name = "X", default_value_t = 0.1, value_parser = parse_scale, allow_negative_numbers = true)]
     pub(crate) refine_step: f64,
 
     /// How radiosity is spread over elements in pictures
     #[arg(long, value_enum, default_value_t = Spread::Gouraud)]
     pub(crate) spread: Spread,
+}
+
+impl Radiosity {
+    /// Their names.
+    pub(crate) fn options() -> Vec<String> {
+        let command = Self::augment_args(clap::Command::new("radiosity"));
+        command.get_arguments().filter_map(|a| a.get_long().map(str::to_owned)).collect()
+    }
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]

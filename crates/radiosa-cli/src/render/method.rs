@@ -3,11 +3,13 @@
 use std::time::{Duration, Instant};
 
 use radiosa::emitter::EnvironmentShadows;
-use radiosa::film::{self, Film, Layer};
+use radiosa::film::{self, Film, Layer, Pixel};
+use radiosa::math::Ray;
 use radiosa::radiosity::display::{self, Display};
 use radiosa::raytrace::{RayCast, Whitted, adaptive, ray_cast, tiles, whitted};
+use radiosa::sampling::Stream;
 use radiosa::scanline::{self, ScanLine};
-use radiosa::scene::{Light, Material, Model};
+use radiosa::scene::{Camera, Light, Material, Model};
 use radiosa::transport::{self, Integrator, Solver, Step, View, World, default_light};
 
 use super::output;
@@ -32,7 +34,7 @@ pub(crate) fn choose(picture: &Picture, world: &World) -> Result<Choice, Error> 
         return match picture.method {
             Method::Auto => Ok(Choice { method: Method::Radiosity, why: Some("it is asked for what radiosity knows") }),
             Method::Radiosity => Ok(Choice { method: Method::Radiosity, why: None }),
-            _ => Err(Error::Misuse("error: --solution and --show irradiance go with --method radiosity\n".into())),
+            _ => Err(Error::Misuse("--solution and --show irradiance go with --method radiosity".into())),
         };
     }
     Ok(match picture.method {
@@ -72,62 +74,138 @@ impl Choice {
             Method::Scanline => "triangles",
         }
     }
+
+    /// The threshold of adaptive samples, where a picture has them.
+    pub(crate) fn adaptive(self, picture: &Picture) -> Option<f32> {
+        picture.adaptive.filter(|_| self.method != Method::Scanline)
+    }
+
+    /// What drawing takes beside the prepared scene and the film, bytes.
+    pub(crate) fn memory(self, world: &World, picture: &Picture) -> u64 {
+        if self.method == Method::Scanline { ScanLine::memory(world, &scanline_settings(picture, &[])) } else { 0 }
+    }
+
+    /// What should be said of the picture asked for: the name of the warning, and the words. `given` are the options that were typed.
+    pub(crate) fn misfits(self, picture: &Picture, camera: &Camera, given: &[String]) -> Vec<(&'static str, String)> {
+        let mut said = Vec::new();
+        if self.method == Method::Scanline && camera.lens.is_some_and(|lens| lens.aperture > 0.0) {
+            said.push(("no-lens", "scan line draws without the camera's lens: everything is in focus".to_owned()));
+        }
+        for option in given {
+            if let Some(methods) = methods_of(option).filter(|methods| !methods.contains(&self.method)) {
+                let names: Vec<&str> = methods.iter().map(|&method| Self { method, why: None }.name()).collect();
+                let text = format!("--{option} changes nothing with --method {}; it is for {}", self.name(), names.join(", "));
+                said.push(("no-effect", text));
+            } else if self.adaptive(picture).is_some() && matches!(option.as_str(), "spp" | "filter") {
+                said.push(("no-effect", format!("--{option} changes nothing with --adaptive, which has samples of its own")));
+            }
+        }
+        said
+    }
+}
+
+/// The methods that look at an option, where that is not all of them.
+fn methods_of(option: &str) -> Option<&'static [Method]> {
+    use Method::{Radiosity, Raycast, Scanline, Whitted};
+    Some(match option {
+        "interpolation" | "cull" | "tessellation" => &[Scanline],
+        "max-depth" | "min-weight" | "fresnel" | "transparent-shadows" | "samples" => &[Whitted],
+        "adaptive" => &[Raycast, Whitted, Radiosity],
+        "shadows" | "environment-shadows" => &[Raycast, Whitted],
+        "emitters" | "viewer" => &[Raycast, Whitted, Scanline],
+        "solution" | "lamps" | "show" => &[Radiosity],
+        _ if args::Radiosity::options().iter().any(|own| own == option) => &[Radiosity],
+        _ => return None,
+    })
 }
 
 /// Where the light comes from: the scene's own lights, and those it is given where nothing would be seen.
 pub(crate) struct Lighting {
     /// Lights beside the scene's own.
     extra_lights: Vec<Light>,
-    /// Ray casting by these lights, which looked whether anything is seen.
-    ray_cast: RayCast,
+    /// A method that traces rays, by these lights: the one asked for, or ray casting in its place. It looked whether anything is seen.
+    traced: Traced,
     /// The scene has no light of its own and was given some.
     pub(crate) is_default: bool,
     /// What should be said: the name of the warning, and the words.
     pub(crate) warnings: Vec<(&'static str, String)>,
 }
 
+/// Ray casting or recursive ray tracing.
+enum Traced {
+    RayCast(RayCast),
+    Whitted(Whitted),
+}
+
+impl Traced {
+    fn new(stage: &Stage, picture: &Picture, choice: Choice, extra_lights: &[Light]) -> Self {
+        let (world, forward) = (&stage.world, stage.view.forward());
+        if choice.method == Method::Whitted {
+            return Self::Whitted(Whitted::new(world, &whitted_settings(stage, picture, extra_lights), forward));
+        }
+        let settings = ray_cast::Settings {
+            shadows: picture.shadows == OnOff::On && choice.method != Method::Scanline,
+            lights: light_settings(picture),
+            viewer: viewer(picture),
+            extra_lights: extra_lights.to_vec(),
+            footprint: footprint(stage, picture),
+        };
+        Self::RayCast(RayCast::new(world, &settings, forward))
+    }
+
+    fn lights(&self) -> &transport::Lights {
+        match self {
+            Self::RayCast(method) => method.lights(),
+            Self::Whitted(method) => method.lights(),
+        }
+    }
+}
+
+impl Integrator for Traced {
+    fn sample(&self, world: &World, ray: &Ray, stream: &mut Stream, n_rays: &mut u64) -> Pixel {
+        match self {
+            Self::RayCast(method) => method.sample(world, ray, stream, n_rays),
+            Self::Whitted(method) => method.sample(world, ray, stream, n_rays),
+        }
+    }
+
+    fn branching(&self) -> u32 {
+        match self {
+            Self::RayCast(method) => method.branching(),
+            Self::Whitted(method) => method.branching(),
+        }
+    }
+}
+
 /// Nobody wants a black picture: where the scene's own lights reach nothing the camera sees, it is given one.
 pub(crate) fn light(stage: &Stage, picture: &Picture, choice: Choice) -> Lighting {
     let (world, view) = (&stage.world, &stage.view);
-    let shadows = picture.shadows == OnOff::On && choice.method != Method::Scanline;
-    let mut settings = ray_cast::Settings {
-        shadows,
-        lights: light_settings(picture),
-        viewer: viewer(picture),
-        extra_lights: Vec::new(),
-        footprint: footprint(stage, picture),
-    };
-    let mut lighting = Lighting {
-        extra_lights: Vec::new(),
-        ray_cast: RayCast::new(world, &settings, view.forward()),
-        is_default: false,
-        warnings: Vec::new(),
-    };
+    let traced = Traced::new(stage, picture, choice, &[]);
+    let mut lighting = Lighting { extra_lights: Vec::new(), traced, is_default: false, warnings: Vec::new() };
     // (`--emitters ignore` asks for just that where emitters are all there is.)
-    let wanted = picture.emitters == args::Emitters::Ignore && default_light::has_light(world);
+    let has_light = default_light::has_light(world);
+    let wanted = has_light && picture.emitters == args::Emitters::Ignore;
     let shape = (stage.size.width, stage.size.height);
-    let seen = default_light::survey(world, view, shape, &lighting.ray_cast);
+    let seen = default_light::survey(world, view, shape, &lighting.traced);
     if seen.surfaces == 0 {
         lighting.warnings.push(("nothing-to-see", "the camera sees no surface".to_owned()));
     }
-    if picture.default_light == OnOff::On && !wanted && seen.surfaces > 0 && seen.visible == 0 {
-        settings.extra_lights = default_light::lights(&stage.camera);
-        let helped = RayCast::new(world, &settings, view.forward());
+    // Radiosity shows light that comes around corners, which nothing cheap finds.
+    let is_dark = seen.visible == 0 && !(has_light && choice.method == Method::Radiosity);
+    if picture.default_light == OnOff::On && !wanted && seen.surfaces > 0 && is_dark {
+        let extra_lights = default_light::lights(&stage.camera);
+        let helped = Traced::new(stage, picture, choice, &extra_lights);
         if default_light::survey(world, view, shape, &helped).visible > 0 {
-            let names: Vec<String> = settings.extra_lights.iter().map(|l| format!("\"{}\"", l.name)).collect();
-            let why = if default_light::has_light(world) {
-                "the scene's own lights reach nothing the camera sees"
-            } else {
-                "the scene has no light"
-            };
+            let names: Vec<String> = extra_lights.iter().map(|l| format!("\"{}\"", l.name)).collect();
+            let why = if has_light { "the scene's own lights reach nothing the camera sees" } else { "the scene has no light" };
             lighting.warnings.push(("default-light", format!("{why}: it gets {}", names.join(" and "))));
-            lighting.is_default = !default_light::has_light(world);
-            lighting.ray_cast = helped;
-            lighting.extra_lights = settings.extra_lights;
+            lighting.is_default = !has_light;
+            lighting.traced = helped;
+            lighting.extra_lights = extra_lights;
         }
     }
     if choice.method != Method::Radiosity
-        && let Some(said) = lighting.ray_cast.lights().note()
+        && let Some(said) = lighting.traced.lights().note()
     {
         lighting.warnings.push(("emitters", said));
     }
@@ -158,26 +236,7 @@ pub(crate) fn draw(
     let (world, view) = (&stage.world, &stage.view);
     let sampling = sampling(stage, picture, layers);
     match choice.method {
-        Method::Auto | Method::Raycast => trace(&lighting.ray_cast, stage, picture, lighting, sampling, watch),
-        Method::Whitted => {
-            let settings = whitted::Settings {
-                shadows: picture.shadows == OnOff::On,
-                transparent_shadows: picture.transparent_shadows == OnOff::On,
-                max_depth: picture.max_depth,
-                min_weight: picture.min_weight,
-                fresnel: match picture.fresnel {
-                    args::Fresnel::Material => whitted::Fresnel::Material,
-                    args::Fresnel::On => whitted::Fresnel::On,
-                    args::Fresnel::Off => whitted::Fresnel::Off,
-                },
-                samples: picture.samples,
-                lights: light_settings(picture),
-                viewer: viewer(picture),
-                extra_lights: lighting.extra_lights.clone(),
-                footprint: footprint(stage, picture),
-            };
-            trace(&Whitted::new(world, &settings, view.forward()), stage, picture, lighting, sampling, watch)
-        }
+        Method::Auto | Method::Raycast | Method::Whitted => trace(&lighting.traced, stage, picture, lighting, sampling, watch),
         Method::Radiosity => {
             let settings = crate::solve::settings(&picture.radiosity, picture.seed, &lighting.extra_lights);
             let (solution, solved) =
@@ -202,21 +261,7 @@ pub(crate) fn draw(
             Ok(Drawing { done: drawing.done.min(solved), ..drawing })
         }
         Method::Scanline => {
-            let settings = scanline::Settings {
-                interpolation: match picture.interpolation {
-                    args::Interpolation::Flat => scanline::Interpolation::Flat,
-                    args::Interpolation::Gouraud => scanline::Interpolation::Gouraud,
-                    args::Interpolation::Phong => scanline::Interpolation::Phong,
-                },
-                culling: match picture.cull {
-                    args::Cull::None => scanline::Culling::None,
-                    args::Cull::Back => scanline::Culling::Back,
-                },
-                segments: picture.tessellation,
-                lights: light_settings(picture),
-                viewer: viewer(picture),
-                extra_lights: lighting.extra_lights.clone(),
-            };
+            let settings = scanline_settings(picture, &lighting.extra_lights);
             let mut render = ScanLine::new(world, view, &settings, sampling)?;
             let done = watch.run(&mut render, world, ScanLine::n_triangles);
             Ok(Drawing { done, count: render.n_triangles(), film: render.into_film() })
@@ -258,7 +303,7 @@ fn white(stage: &Stage, picture: &Picture, lighting: &Lighting) -> Result<f32, E
     let (width, height) = (stage.size.width.min(96), stage.size.height.min(72));
     let view = View::new(&stage.camera, stage.world.origin(), width, height);
     let sampling = film::Sampling { width, height, spp: 1, filter: film::Filter::Box, seed: 0, layers: vec![Layer::Color] };
-    let mut render = tiles::TiledRender::new(&lighting.ray_cast, &view, sampling)?;
+    let mut render = tiles::TiledRender::new(&lighting.traced, &view, sampling)?;
     while let Step::Working { .. } = render.step(&stage.world) {}
     let tone_map = output::tone_map(picture, stage.world.scene(), lighting.is_default);
     Ok(1.0 / tone_map.prepare(render.solution()).factor.max(f32::MIN_POSITIVE))
@@ -310,6 +355,43 @@ fn sampling(stage: &Stage, picture: &Picture, layers: &[Layer]) -> film::Samplin
         },
         seed: picture.seed,
         layers: layers.to_vec(),
+    }
+}
+
+fn whitted_settings(stage: &Stage, picture: &Picture, extra_lights: &[Light]) -> whitted::Settings {
+    whitted::Settings {
+        shadows: picture.shadows == OnOff::On,
+        transparent_shadows: picture.transparent_shadows == OnOff::On,
+        max_depth: picture.max_depth,
+        min_weight: picture.min_weight,
+        fresnel: match picture.fresnel {
+            args::Fresnel::Material => whitted::Fresnel::Material,
+            args::Fresnel::On => whitted::Fresnel::On,
+            args::Fresnel::Off => whitted::Fresnel::Off,
+        },
+        samples: picture.samples,
+        lights: light_settings(picture),
+        viewer: viewer(picture),
+        extra_lights: extra_lights.to_vec(),
+        footprint: footprint(stage, picture),
+    }
+}
+
+fn scanline_settings(picture: &Picture, extra_lights: &[Light]) -> scanline::Settings {
+    scanline::Settings {
+        interpolation: match picture.interpolation {
+            args::Interpolation::Flat => scanline::Interpolation::Flat,
+            args::Interpolation::Gouraud => scanline::Interpolation::Gouraud,
+            args::Interpolation::Phong => scanline::Interpolation::Phong,
+        },
+        culling: match picture.cull {
+            args::Cull::None => scanline::Culling::None,
+            args::Cull::Back => scanline::Culling::Back,
+        },
+        segments: picture.tessellation,
+        lights: light_settings(picture),
+        viewer: viewer(picture),
+        extra_lights: extra_lights.to_vec(),
     }
 }
 

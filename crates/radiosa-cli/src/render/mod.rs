@@ -56,16 +56,12 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
     let n_primitives = scene.n_primitives();
     let stage = Stage::new(scene, picture, work)?;
     let layers = plan::layers(&args.layers, &outputs);
-    let what = format!("a picture of {}x{} with its scene", stage.size.width, stage.size.height);
-    plan::within_memory(&what, stage.memory_with(&layers), work)?;
-
     let choice = method::choose(picture, &stage.world)?;
+    let what = format!("a picture of {}x{} with its scene", stage.size.width, stage.size.height);
+    plan::within_memory(&what, stage.memory_with(&layers) + choice.memory(&stage.world, picture), work)?;
     let lighting = method::light(&stage, picture, choice);
-    warnings.extend(lighting.warnings.iter().map(|(name, message)| Warning {
-        name,
-        path: PathBuf::from(&args.scene),
-        message: message.clone(),
-    }));
+    let said = choice.misfits(picture, &stage.camera, &args.given).into_iter().chain(lighting.warnings.iter().cloned());
+    warnings.extend(said.map(|(name, message)| Warning { name, path: PathBuf::from(&args.scene), message }));
     if !work.quiet {
         output::say_warnings(&warnings);
     }
@@ -100,7 +96,10 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
         lines.push(format!("scene       {} primitives, {} instances", n_primitives, world.scene().instances.len()));
         lines.push(format!(
             "camera      {:?}, {}x{}, {} samples a pixel",
-            stage.camera.name, stage.size.width, stage.size.height, picture.spp
+            stage.camera.name,
+            stage.size.width,
+            stage.size.height,
+            output::samples(picture, choice)
         ));
         lines.push(format!("exposure    {exposure}"));
         lines.push(format!(
@@ -126,7 +125,8 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
             "why": choice.why,
             "camera": stage.camera.name,
             "size": [stage.size.width, stage.size.height],
-            "spp": picture.spp,
+            "spp": choice.adaptive(picture).is_none().then_some(picture.spp),
+            "adaptive": choice.adaptive(picture),
             "seed": picture.seed,
             "cpu_path": world.cpu_path().to_string(),
             "quantity": output::quantity_name(world.scene().quantity),

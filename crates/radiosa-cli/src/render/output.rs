@@ -76,11 +76,16 @@ pub(crate) fn recipe(scene: &str, picture: &Picture, stage: &Stage, choice: Choi
         .with("camera", &stage.camera.name)
         .with("view", stage.view.radiance_view())
         .with("size", format!("{}x{}", stage.size.width, stage.size.height))
-        .with("spp", picture.spp.to_string())
+        .with("spp", samples(picture, choice))
         .with("seed", picture.seed.to_string())
         .with("quantity", quantity_name(stage.world.scene().quantity))
         .with("cpu-path", stage.world.cpu_path().to_string());
     if done < 1.0 { recipe.with("unfinished", format!("{:.1} % done", done * 100.0)) } else { recipe }
+}
+
+/// How many samples a pixel has, in words.
+pub(crate) fn samples(picture: &Picture, choice: Choice) -> String {
+    choice.adaptive(picture).map_or_else(|| picture.spp.to_string(), |threshold| format!("adaptive ({threshold})"))
 }
 
 /// A word of a command line, quoted where a shell would split it.

@@ -57,7 +57,7 @@ impl Axis {
         let (parameter, values) = text
             .split_once('=')
             .filter(|(p, v)| !p.trim().is_empty() && !v.trim().is_empty())
-            .ok_or_else(|| Error::Misuse(format!("error: {text:?} has no values: write PARAM=V1,V2,…\n")))?;
+            .ok_or_else(|| Error::Misuse(format!("{text:?} has no values: write PARAM=V1,V2,…")))?;
         Self::new(parameter.trim(), name, &split(values))
     }
 

@@ -47,6 +47,7 @@ struct Drawn {
     /// What it shows, as colour.
     film: Film,
     method: &'static str,
+    samples: String,
     tone_map: ToneMap,
     done: f64,
 }
@@ -171,7 +172,7 @@ fn plan_sheet(args: &Sheet) -> Result<Plan, Error> {
         None => {
             let (rows, columns) = (side(&args.rows, &args.row_name)?, side(&args.columns, &args.column_name)?);
             if args.rows.is_none() && args.columns.is_none() {
-                let help = "error: say what changes with --rows and --columns, or name a --figure (--list shows them)\n";
+                let help = "say what changes with --rows and --columns, or name a --figure (--list shows them)";
                 return Err(Error::Misuse(help.into()));
             }
             let what: Vec<&str> = [&rows, &columns].iter().map(|a| a.what.as_str()).filter(|w| !w.is_empty()).collect();
@@ -247,21 +248,20 @@ fn draw_all(cells: &[Cell], work: &Work, warnings: &mut Vec<Warning>) -> Result<
         layers.extend([Layer::Color, Layer::Alpha]);
         let picture: &Picture = &cells[i].picture;
         let stage = stage(&cells[i], work, warnings)?;
-        plan::within_memory("a cell with its scene", stage.memory_with(&layers), work)?;
         let choice = method::choose(picture, &stage.world)?;
+        plan::within_memory("a cell with its scene", stage.memory_with(&layers) + choice.memory(&stage.world, picture), work)?;
         let lighting = method::light(&stage, picture, choice);
-        warnings.extend(lighting.warnings.iter().map(|(name, message)| Warning {
-            name,
-            path: PathBuf::from(&cells[i].scene),
-            message: message.clone(),
-        }));
+        // What has no effect in one cell may have in another.
+        let said = choice.misfits(picture, &stage.camera, &[]).into_iter().chain(lighting.warnings.iter().cloned());
+        warnings.extend(said.map(|(name, message)| Warning { name, path: PathBuf::from(&cells[i].scene), message }));
         let watch = Watch::new(&format!("cell {} of {}", i + 1, cells.len()), choice, &Work { time: left, ..work.clone() });
         let drawing = method::draw(&stage, picture, choice, &lighting, &layers, &watch)?;
         watch.finish();
         let tone_map = output::tone_map(picture, stage.world.scene(), lighting.is_default);
         for j in group {
             let film = layer_as_color(&drawing.film, cells[j].layer)?;
-            all[j] = Some(Drawn { film, method: choice.name(), tone_map, done: drawing.done });
+            let samples = output::samples(picture, choice);
+            all[j] = Some(Drawn { film, method: choice.name(), samples, tone_map, done: drawing.done });
         }
     }
     Ok(all)
@@ -317,7 +317,7 @@ fn recipe(args: &Sheet, plan: &Plan, size: Size, drawn: &[Option<Drawn>], shown:
         .with("rows", labels(&plan.rows))
         .with("columns", labels(&plan.columns))
         .with("size", format!("{}x{}", size.width, size.height))
-        .with("spp", first.spp.to_string())
+        .with("spp", distinct(drawn.iter().flatten().map(|d| d.samples.clone()).collect()))
         .with("seed", first.seed.to_string())
         .with("exposure", distinct(shown.iter().flatten().map(|s| s.factor.to_string()).collect()))
         .with("tone-map", distinct(drawn.iter().flatten().map(|d| d.tone_map.curve.to_string()).collect()));

@@ -81,6 +81,13 @@ impl MetallicRoughness {
         self.base_color * (self.base_weight() * (1.0 - self.specular * self.f0.max_channel()))
     }
 
+    /// How far the highlight at normal incidence is the metal's, and so has the base colour: `m base / ((1 − m) w F₀ + m base)`, 0 where there is none.
+    pub fn share_of_metal(&self) -> Spectrum {
+        let (metal, coat) = (self.base_color * self.metallic, self.f0 * ((1.0 - self.metallic) * self.specular));
+        let share = |metal: f32, coat: f32| if metal > 0.0 { metal / (metal + coat) } else { 0.0 };
+        Spectrum::new(share(metal.r, coat.r), share(metal.g, coat.g), share(metal.b, coat.b))
+    }
+
     /// The part that reflects diffusely, before the coat.
     fn base_weight(&self) -> f32 {
         (1.0 - self.metallic) * (1.0 - self.transmission)

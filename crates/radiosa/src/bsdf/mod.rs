@@ -227,6 +227,11 @@ impl Bsdf {
         self
     }
 
+    /// How far a highlight has the base colour ([`MetallicRoughness::share_of_metal`]): not at all in the other models.
+    pub fn share_of_metal(&self) -> Spectrum {
+        if let Self::MetallicRoughness(m) = self { m.share_of_metal() } else { Spectrum::BLACK }
+    }
+
     /// What passes straight through a surface seen from `wo`: `k_t`, less what its facets reflect where the material is weighed by them (constants
     /// are taken as they are). `n` and `entering` as in [`Self::specular_rays`], `surroundings` the index of what is around the body.
     ///

@@ -111,6 +111,9 @@ impl Phong {
     }
 }
 
+/// −ln of the smallest number of f32 that is held to its full precision, about.
+const NOTHING: f32 = 87.0;
+
 /// `((r·wo)⁺)^exponent`, `r` the mirror image of `wi` about `n`. [Phong75]
 pub fn phong_lobe(n: Vec3, wo: Vec3, wi: Vec3, exponent: f32) -> f32 {
     power(mirror::reflect(wi, n).dot(wo), exponent)
@@ -132,6 +135,10 @@ pub fn lafortune(k_s: Spectrum, n: Vec3, wo: Vec3, wi: Vec3, exponent: f32) -> S
 
 /// `x^exponent`, zero for `x ≤ 0` even when the exponent is zero.
 fn power(x: f32, exponent: f32) -> f32 {
+    // x^n ≤ exp(−n (1 − x)): far from the highlight there is nothing that f32 could hold.
+    if x <= 0.0 || exponent * (1.0 - x) > NOTHING {
+        return 0.0;
+    }
     // Rounding may carry a cosine a little past one, which an exponent in the thousands would show.
-    if x > 0.0 { function::pow(x.min(1.0), exponent) } else { 0.0 }
+    function::pow(x.min(1.0), exponent)
 }

@@ -67,8 +67,8 @@ impl PointSample {
 pub struct PointSamples {
     /// In the order of the surfaces, unless they had to be merged to obey the limit.
     pub samples: Vec<PointSample>,
-    /// How many there would be without a limit on the total.
-    pub n_wanted: usize,
+    /// How many there would be without the limit on the total, where that is met.
+    pub n_wanted: Option<usize>,
 }
 
 impl PointSamples {
@@ -136,7 +136,7 @@ pub fn sample_points(surfaces: &[EmissiveSurface], n: u32, max: u32) -> PointSam
     for mesh in &members {
         allot(&emitters, mesh, &mut sides, budget);
     }
-    let n_wanted =
+    let n_wanted: usize =
         members.iter().map(|mesh| mesh.iter().map(|&i| emitters[i].count(sides[i])).sum::<usize>().min(budget.max(1))).sum();
     if n_wanted > max {
         allot(&emitters, &(0..emitters.len()).collect::<Vec<_>>(), &mut sides, max);
@@ -150,7 +150,7 @@ pub fn sample_points(surfaces: &[EmissiveSurface], n: u32, max: u32) -> PointSam
         }
         samples.extend(merge(own, budget));
     }
-    PointSamples { samples: merge(samples, max), n_wanted }
+    PointSamples { samples: merge(samples, max), n_wanted: (n_wanted > max).then_some(n_wanted) }
 }
 
 /// A connected coplanar set of triangles, or one exact shape.
@@ -558,7 +558,7 @@ mod tests {
     #[test]
     fn a_parallelogram_becomes_a_regular_grid() {
         let points = sample_points(&quad(), 5, 100);
-        assert_eq!((points.len(), points.n_wanted), (25, 25));
+        assert_eq!((points.len(), points.n_wanted), (25, None));
         for s in &points.samples {
             assert!((s.area - 4.0 / 25.0).abs() < 1e-6, "{}", s.area);
             assert!((s.normal - Vec3::NEG_Y).length() < 1e-6);

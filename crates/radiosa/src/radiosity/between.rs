@@ -53,7 +53,7 @@ pub enum Correction {
 }
 
 impl Between {
-    /// Factors between the groups that `group_of` gives every element; there are `n` of them.
+    /// Factors between the groups that `group_of` gives every element; there are `n` of them. In a medium they are of what arrives through it, in the first channel.
     pub fn new(factors: &Factors, group_of: &[u32], n: usize) -> Self {
         let elements = Self::of_elements(factors);
         let mut members = vec![Vec::new(); n];
@@ -99,22 +99,29 @@ impl Between {
             let upper: Vec<Vec<Entry>> = (0..n)
                 .into_par_iter()
                 .map_init(Scratch::default, |scratch, i| {
-                    let exchange = |j| entry(j, factors.exchange_area(i, j, scratch));
+                    let exchange = |j| {
+                        let exchange = factors.exchange(i, j, scratch);
+                        let tau = exchange.passing[0];
+                        entry(j, [tau * exchange.area, tau * tau * exchange.variance])
+                    };
                     (i + 1..n).map(exchange).filter(|e| e.exchange > 0.0).collect()
                 })
                 .collect();
-            let (starts, entries) = mirrored(&upper, |e| e.to, |_, to, e| Entry { to, ..*e });
+            let (starts, entries) = mirrored(&upper, |e| e.to, |_, to, _, e| Entry { to, ..*e });
             return Self { areas, starts, entries };
         }
         let rows: Vec<Vec<Entry>> = (0..n)
             .into_par_iter()
             .map_init(
-                || (Row::new(), Scratch::default()),
+                || (Row::default(), Scratch::default()),
                 |(row, scratch), i| {
                     factors.row(i, row, scratch);
                     let area = areas[i as usize];
-                    let parts = row.iter().zip(&scratch.variances);
-                    parts.map(|(&(j, f), variance)| entry(j, [f * area, variance * area * area])).collect()
+                    let exchange = |k: usize| {
+                        let ((j, f), arriving) = (row.entries[k], row.passing.at(k)[0] * area);
+                        entry(j, [f * arriving, scratch.variances[k] * arriving * arriving])
+                    };
+                    (0..row.entries.len()).map(exchange).collect()
                 },
             )
             .collect();

@@ -5,6 +5,7 @@
 
 use rayon::prelude::*;
 
+use super::medium::Medium;
 use super::mesh::{Element, ElementMesh};
 use crate::emitter::EnvironmentShadows;
 use crate::math::{Frame, Vec3};
@@ -27,6 +28,7 @@ pub struct DirectLight<'a> {
     has_lights: bool,
     /// Radiance from above and below, with the axis, of each hemispherical light.
     hemispheres: Vec<(Vec3, Spectrum, Spectrum)>,
+    medium: Medium,
     seed: u64,
 }
 
@@ -44,8 +46,21 @@ impl<'a> DirectLight<'a> {
             has_lights: all().any(|l| !matches!(l.kind, LightKind::Hemispherical { .. } | LightKind::Ambient)),
             hemispheres: hemispheres.collect(),
             lights: Lights::prepare_without_skies(world, &settings, extra),
+            medium: Medium::default(),
             seed,
         }
+    }
+
+    /// Lamps shine through a medium; suns and skies are what they are where they arrive.
+    pub fn within(mut self, medium: Medium) -> Self {
+        self.lights = self.lights.within(Spectrum::from(medium.absorption.map(|s| s as f32)));
+        self.medium = medium;
+        self
+    }
+
+    /// What is between lamps and surfaces.
+    pub fn medium(&self) -> Medium {
+        self.medium
     }
 
     /// Nothing but surfaces gives light.

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! D is the light of lamps (points, spots, suns), whose shadows are sharper than elements are small: it is computed for every picture sample, or taken from the elements
-//! too ([`Lamps`]).
+//! too ([`Lamps`]). In an absorbing medium the eye sees what is left of L on its way.
 //!
 //! Irradiance and not radiosity is interpolated, so that textures keep their own detail. Corner values are extrapolated from the elements around: across a
 //! patch by its rows and columns, and averaged with those of neighbours that continue the surface, but not across creases. A side that takes no part in the
@@ -96,7 +96,7 @@ impl<'a> Display<'a> {
         footprint: Footprint,
     ) -> Self {
         let mesh = &solution.mesh;
-        let lamps = DirectLight::new(world, extra_lights, 0);
+        let lamps = DirectLight::new(world, extra_lights, 0).within(solution.system.medium);
         let of_lamps = &solution.system.lamps;
         let is_sharp = settings.lamps == Lamps::Sharp && lamps.has_lamps() && !of_lamps.is_empty();
         let without = |(h, d): (&[f64; 3], &[f64; 3])| std::array::from_fn(|c| (h[c] - d[c]).max(0.0));
@@ -109,7 +109,8 @@ impl<'a> Display<'a> {
             Interpolation::Flat => irradiance.iter().map(|h| [spectrum(*h); 4]).collect(),
             Interpolation::Gouraud => corner_values(world, mesh, &irradiance),
         };
-        let straight = Straight { has_backdrop: false, footprint };
+        let absorption = Spectrum::from(solution.system.medium.absorption.map(|s| s as f32));
+        let straight = Straight { has_backdrop: false, footprint, absorption };
         Self { mesh, corners, lamps: is_sharp.then_some(lamps), straight, shown: settings.shown }
     }
 

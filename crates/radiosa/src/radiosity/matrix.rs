@@ -3,6 +3,7 @@
 use std::io;
 
 use super::form_factor::Row;
+use super::medium::{Medium, Passing};
 use super::mesh::ElementMesh;
 use super::stream::{In, Out, wrong};
 
@@ -13,37 +14,48 @@ pub struct Matrix {
     starts: Vec<usize>,
     /// `(j, F_ij)` by rising `j` within a row.
     entries: Vec<(u32, f32)>,
+    /// τ_ij of each.
+    passing: Passing,
 }
 
 impl Matrix {
     /// From rows as they are.
-    pub fn from_rows(rows: &[Row]) -> Self {
-        let mut matrix = Self { starts: vec![0], ..Self::default() };
+    pub fn from_rows(rows: &[Row], medium: &Medium) -> Self {
+        let mut matrix = Self { starts: vec![0], entries: Vec::new(), passing: Passing::new(medium) };
         for row in rows {
-            matrix.entries.extend(row.iter().map(|&(j, f)| (j, f as f32)));
+            matrix.entries.extend(row.entries.iter().map(|&(j, f)| (j, f as f32)));
+            (0..row.entries.len()).for_each(|k| matrix.passing.push(row.passing.at(k)));
             matrix.starts.push(matrix.entries.len());
         }
         matrix
     }
 
     /// From the exchange areas `A_i F_ij` with `j > i`: both rows get theirs.
-    pub fn from_exchange_areas(upper: &[Vec<(u32, f64)>], mesh: &ElementMesh) -> Self {
-        let factor = |i: u32, j: u32, entry: &(u32, f64)| (j, (entry.1 / mesh.elements()[i as usize].area) as f32);
-        let (starts, entries) = mirrored(upper, |entry| entry.0, factor);
-        Self { starts, entries }
+    pub fn from_exchange_areas(upper: &[Row], mesh: &ElementMesh, medium: &Medium) -> Self {
+        let columns: Vec<&[(u32, f64)]> = upper.iter().map(|row| row.entries.as_slice()).collect();
+        let factor = |i: u32, j: u32, _, entry: &(u32, f64)| (j, (entry.1 / mesh.elements()[i as usize].area) as f32);
+        let (starts, entries) = mirrored(&columns, |entry| entry.0, factor);
+        let mut passing = Passing::new(medium);
+        if !medium.is_clear() {
+            let (_, links) = mirrored(&columns, |entry| entry.0, |_, _, link, _| link);
+            links.into_iter().for_each(|[row, k]| passing.push(upper[row as usize].passing.at(k as usize)));
+        }
+        Self { starts, entries, passing }
     }
 
     pub(super) fn store(&self, out: &mut Out) -> io::Result<()> {
-        (0..self.n()).try_for_each(|i| store_entries(&self.entries[self.starts[i]..self.starts[i + 1]], out))
+        (0..self.n()).try_for_each(|i| store_entries(&self.entries[self.starts[i]..self.starts[i + 1]], out))?;
+        self.passing.store(out)
     }
 
-    /// The inverse of [`Self::store`], for `n` elements.
-    pub(super) fn restore(n: usize, from: &mut In) -> io::Result<Self> {
+    /// The inverse of [`Self::store`], for `n` elements in a medium.
+    pub(super) fn restore(n: usize, medium: &Medium, from: &mut In) -> io::Result<Self> {
         let mut matrix = Self { starts: vec![0], ..Self::default() };
         for _ in 0..n {
             matrix.entries.extend(restore_entries::<f32>(n, from)?);
             matrix.starts.push(matrix.entries.len());
         }
+        matrix.passing = Passing::restore(medium, matrix.entries.len(), from)?;
         Ok(matrix)
     }
 
@@ -82,9 +94,25 @@ impl Matrix {
         self.entries[self.starts[i]..self.starts[i + 1]].iter().map(|&(j, f)| (j as usize, f64::from(f)))
     }
 
-    /// `Σ_j F_ij`: what arrives anywhere of what leaves `i`.
+    /// `(j, τ_ij F_ij)` by rising `j`: what arrives through the medium, by channel.
+    pub fn arriving(&self, i: usize) -> impl Iterator<Item = (usize, [f64; 3])> {
+        let links = self.starts[i]..self.starts[i + 1];
+        self.row(i).zip(links).map(|((j, f), link)| (j, self.passing.at(link).map(|tau| tau * f)))
+    }
+
+    /// Everything passes the medium.
+    pub fn is_clear(&self) -> bool {
+        self.passing.is_clear()
+    }
+
+    /// `Σ_j F_ij`: what meets anything of what leaves `i`.
     pub fn row_sum(&self, i: usize) -> f64 {
         self.row(i).map(|(_, f)| f).sum()
+    }
+
+    /// `Σ_j τ_ij F_ij`: what arrives anywhere of it, by channel.
+    pub fn arriving_sum(&self, i: usize) -> [f64; 3] {
+        self.arriving(i).fold([0.0; 3], |sum, (_, f)| std::array::from_fn(|c| sum[c] + f[c]))
     }
 }
 
@@ -106,31 +134,33 @@ pub(super) fn restore_entries<T: bytemuck::Pod>(n: usize, from: &mut In) -> io::
 }
 
 /// Sparse rows from those above the diagonal, each of whose entries stands for its mirror image too: where rows start, and `entry(i, j, …)` of both,
-/// by rising `j`.
-pub(super) fn mirrored<E, T: Copy + Default>(
-    upper: &[Vec<E>],
+/// by rising `j`; given the row and the place in it of the one they stand for, and that itself.
+pub(super) fn mirrored<E, R: AsRef<[E]>, T: Copy + Default>(
+    upper: &[R],
     column: impl Fn(&E) -> u32,
-    entry: impl Fn(u32, u32, &E) -> T,
+    entry: impl Fn(u32, u32, [u32; 2], &E) -> T,
 ) -> (Vec<usize>, Vec<T>) {
     let n = upper.len();
     let mut starts = vec![0usize; n + 1];
     for (i, row) in upper.iter().enumerate() {
+        let row = row.as_ref();
         starts[i + 1] += row.len();
         row.iter().for_each(|e| starts[column(e) as usize + 1] += 1);
     }
     (0..n).for_each(|i| starts[i + 1] += starts[i]);
     let mut next = starts.clone();
     let mut entries = vec![T::default(); starts[n]];
-    let mut put = |i: u32, j: u32, e: &E| {
+    let mut put = |i: u32, j: u32, link: [u32; 2], e: &E| {
         let at = &mut next[i as usize];
-        entries[*at] = entry(i, j, e);
+        entries[*at] = entry(i, j, link, e);
         *at += 1;
     };
     // Rising in every row: what lies below the diagonal comes from earlier rows, in their order.
     for (i, row) in upper.iter().enumerate() {
-        for e in row {
-            put(i as u32, column(e), e);
-            put(column(e), i as u32, e);
+        for (k, e) in row.as_ref().iter().enumerate() {
+            let link = [i as u32, k as u32];
+            put(i as u32, column(e), link, e);
+            put(column(e), i as u32, link, e);
         }
     }
     (starts, entries)
@@ -149,7 +179,7 @@ mod tests {
             let of = |j: usize| {
                 exchange[i.min(j)].iter().find(|e| e.0 == i.max(j) as u32 && i != j).map(|e| (j as u32, e.1 / areas[i]))
             };
-            (0..3).filter_map(of).collect()
+            Row { entries: (0..3).filter_map(of).collect(), ..Row::default() }
         });
         let after = |matrix: &Matrix| {
             let mut b = [1.0 - rho; 3];
@@ -158,7 +188,7 @@ mod tests {
             }
             b
         };
-        let mut matrix = Matrix::from_rows(&rows);
+        let mut matrix = Matrix::from_rows(&rows, &Medium::default());
         // The twin makes light.
         assert!(after(&matrix)[0] > 1e20);
         matrix.limit(&|_| 0.0);
@@ -173,8 +203,8 @@ mod tests {
             assert!((of(i, j) / of(j, i) - 1.0).abs() < 1e-6, "{i} and {j} are not reciprocal");
         }
         // Rows behind a pane that lets all through may sum to two.
-        let mut behind = Matrix::from_rows(&rows);
+        let mut behind = Matrix::from_rows(&rows, &Medium::default());
         behind.limit(&|j| if j < 2 { 1.5 } else { 0.0 });
-        assert_eq!(behind, Matrix::from_rows(&rows));
+        assert_eq!(behind, Matrix::from_rows(&rows, &Medium::default()));
     }
 }

@@ -24,6 +24,7 @@ pub mod form_factor;
 pub mod gather;
 mod groups;
 pub mod matrix;
+pub mod medium;
 pub mod mesh;
 pub mod patch;
 pub mod refine;

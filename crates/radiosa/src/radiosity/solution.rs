@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::direct::DirectLight;
 use super::form_factor::{Estimator, Factors, Row};
 use super::matrix::Matrix;
+use super::medium::Medium;
 use super::mesh::{self, Blocks, ElementMesh};
 use super::refine;
 use super::solve::gathering::{self, Sweep};
@@ -12,7 +13,7 @@ use super::solve::pools::Pools;
 use super::solve::shooting::Shooting;
 use super::solve::stochastic::Stochastic;
 use super::solve::{History, Record, Solver as Method, Stop};
-use super::system::{Balance, System, Unknowns};
+use super::system::{Balance, Sums, System, Unknowns};
 use crate::scene::Light;
 use crate::spectrum::Spectrum;
 use crate::transport::{Solver, Step, World};
@@ -30,10 +31,19 @@ pub struct Settings {
     pub stop: Stop,
     /// How elements are divided again.
     pub refine: refine::Settings,
+    /// What is between surfaces.
+    pub medium: Medium,
     /// Lights beside the scene's own.
     pub extra_lights: Vec<Light>,
     /// Of every random stream.
     pub seed: u64,
+}
+
+impl Settings {
+    /// The light of what is not a surface.
+    pub(super) fn direct<'a>(&self, world: &'a World) -> DirectLight<'a> {
+        DirectLight::new(world, &self.extra_lights, self.seed).within(self.medium)
+    }
 }
 
 /// The light of a scene, independent of any camera.
@@ -51,8 +61,8 @@ pub struct Solution {
     pub unshot: Vec<[f64; 3]>,
     /// Standard errors of H_i, by element, for solvers that leave something to chance; else empty. Those of B_i are ρ_i times as large.
     pub irradiance_error: Vec<[f64; 3]>,
-    /// `Σ_j F_ij` as estimated, by element; not a number while unknown.
-    pub row_sums: Vec<f64>,
+    /// Sums of form factors as estimated.
+    pub sums: Sums,
     /// Form factors above zero in the matrix.
     pub n_factors: usize,
     /// Where the power went.
@@ -83,6 +93,7 @@ pub fn system(world: &World, mesh: &ElementMesh, direct: &DirectLight) -> System
         direct: all,
         lamps: if direct.has_lamps() { lamps } else { Vec::new() },
         transmittance: if world.has_transparency() { matter.iter().map(|m| rgb(m.transmittance)).collect() } else { Vec::new() },
+        medium: direct.medium(),
     };
     // Slivers of no area have no normal, and nothing that depends on one.
     for (i, element) in mesh.elements().iter().enumerate() {
@@ -120,7 +131,7 @@ pub struct Division {
 impl Division {
     /// Divides the surfaces of a world.
     pub fn new(world: &World, settings: &Settings) -> Self {
-        let direct = DirectLight::new(world, &settings.extra_lights, settings.seed);
+        let direct = settings.direct(world);
         Self::of(ElementMesh::new(world, &settings.mesh, &direct), &settings.solver)
     }
 
@@ -195,7 +206,7 @@ impl Progress {
 impl<'a> Radiosity<'a> {
     /// Nothing is solved yet: what surfaces are and what other lights bring them.
     pub fn new(world: &'a World, division: &'a Division, settings: &Settings) -> Self {
-        let direct = DirectLight::new(world, &settings.extra_lights, settings.seed);
+        let direct = settings.direct(world);
         Self::with_system(world, division, system(world, &division.mesh, &direct), settings)
     }
 
@@ -211,17 +222,19 @@ impl<'a> Radiosity<'a> {
             irradiance: vec![[0.0; 3]; n],
             unshot: vec![[0.0; 3]; n],
             irradiance_error: Vec::new(),
-            row_sums: vec![f64::NAN; n],
+            sums: Sums::unknown(&system),
             n_factors: 0,
             balance: Balance::default(),
             history: History::default(),
             system,
         };
-        let Solution { system, radiosity, irradiance, unshot, row_sums, .. } = &mut solution;
+        let Solution { system, radiosity, irradiance, unshot, sums, .. } = &mut solution;
         Unknowns { radiosity, irradiance, unshot }.start(system);
-        solution.balance = system.balance(row_sums, irradiance, radiosity, unshot);
+        let balance = system.balance(sums, irradiance, radiosity, unshot);
+        let medium = system.medium;
+        solution.balance = balance;
         Self {
-            factors: has_factors.then(|| Factors::new(world, mesh, &settings.estimator, settings.seed)),
+            factors: has_factors.then(|| Factors::in_medium(world, mesh, &settings.estimator, medium, settings.seed)),
             stop: settings.stop,
             progress,
             n_pairs: 0,
@@ -298,7 +311,7 @@ impl<'a> Radiosity<'a> {
         let mut matrix = factors.assemble(parts);
         let tau = &self.solution.system.transmittance;
         matrix.limit(&|j| tau.get(j).map_or(0.0, |t| (t[0] + t[1] + t[2]) / 3.0));
-        self.solution.row_sums = (0..n).into_par_iter().map(|i| matrix.row_sum(i)).collect();
+        self.solution.sums = Sums::of(&matrix);
         self.solution.n_factors = matrix.n_entries();
         self.progress = Progress::Gathering(matrix, *sweep);
         Some(1.0)
@@ -310,7 +323,7 @@ impl<'a> Radiosity<'a> {
         let mut error = None;
         let mut n_rays = 0;
         let mut by_rays = None;
-        let Solution { mesh, system, radiosity, irradiance, unshot, row_sums, irradiance_error, .. } = &mut self.solution;
+        let Solution { mesh, system, radiosity, irradiance, unshot, sums, irradiance_error, .. } = &mut self.solution;
         let mut unknowns = Unknowns { radiosity, irradiance, unshot };
         match (&mut self.progress, &self.factors) {
             (Progress::Gathering(matrix, sweep), _) => {
@@ -318,24 +331,24 @@ impl<'a> Radiosity<'a> {
                 self.n_exchanges += matrix.n_entries() as u64 * if *sweep == Sweep::Jacobi { 1 } else { 2 };
             }
             (Progress::Shooting(shooting), Some(factors)) => {
-                let work = shooting.step(system, factors, &mut unknowns, row_sums);
+                let work = shooting.step(system, factors, &mut unknowns, sums);
                 self.n_pairs += work.rows * (system.n() as u64).saturating_sub(1);
                 self.n_exchanges += work.exchanges;
             }
             (Progress::Stochastic(stochastic), _) => {
-                stochastic.step(world, mesh, system, &mut unknowns, row_sums);
+                stochastic.step(world, mesh, system, &mut unknowns, sums);
                 error = Some(stochastic.error());
                 n_rays = stochastic.n_rays;
-                by_rays = Some([stochastic.escaped(), stochastic.passed()]);
+                by_rays = Some([stochastic.escaped(), stochastic.in_medium(), stochastic.passed()]);
                 *irradiance_error = stochastic.standard_errors();
             }
             _ => unreachable!("matrices are made before, and shooters have factors"),
         }
-        let mut balance = system.balance(row_sums, unknowns.irradiance, unknowns.radiosity, unknowns.unshot);
-        if let Some([escaped, passed]) = by_rays {
+        let mut balance = system.balance(sums, unknowns.irradiance, unknowns.radiosity, unknowns.unshot);
+        if let Some([escaped, in_medium, passed]) = by_rays {
             let estimated = system.passed(unknowns.irradiance);
             (0..3).for_each(|c| balance.absorbed[c] += estimated[c] - passed[c]);
-            balance.escaped = escaped;
+            (balance.escaped, balance.in_medium) = (escaped, in_medium);
         }
         let change = before.iter().zip(unknowns.radiosity.iter()).flat_map(|(a, b)| (0..3).map(move |c| (a[c] - b[c]).abs()));
         let (change, residual) = (change.fold(0.0, f64::max), unknowns.residual(system));

@@ -6,12 +6,13 @@ use std::io;
 
 use super::form_factor::Row;
 use super::matrix::{Matrix, restore_entries, store_entries};
+use super::medium::{Medium, Passing};
 use super::mesh::{self, ElementMesh, Sides};
 use super::solution::{Division, Progress, Settings, Solution};
 use super::solve::gathering::Sweep;
 use super::solve::{History, Record};
 use super::stream::{In, Out, wrong};
-use super::system::{Balance, System};
+use super::system::{Balance, Sums, System};
 use crate::transport::World;
 
 /// A way of dividing surfaces: changes whenever the same settings give other elements.
@@ -86,13 +87,15 @@ impl Solution {
     /// When the stream cannot take it.
     pub fn store(&self, out: &mut Out) -> io::Result<()> {
         self.mesh.record().store(out)?;
-        let System { area, reflectance, emission, direct, lamps, transmittance } = &self.system;
+        let System { area, reflectance, emission, direct, lamps, transmittance, medium } = &self.system;
+        out.array(&medium.absorption)?;
         out.array(area)?;
         let ours = [&self.radiosity, &self.irradiance, &self.unshot, &self.irradiance_error];
         for column in [reflectance, emission, direct].into_iter().chain(ours).chain([lamps, transmittance]) {
             out.array(column)?;
         }
-        out.array(&self.row_sums)?;
+        out.array(&self.sums.met)?;
+        out.array(&self.sums.arriving)?;
         out.number(self.n_factors as u64)?;
         out.array(&flat(&self.balance))?;
         out.number(self.history.records.len() as u64)?;
@@ -116,6 +119,11 @@ impl Solution {
         }
         let mesh = ElementMesh::again(world, &record).ok_or_else(|| wrong("it is of other surfaces"))?;
         let n = mesh.elements().len();
+        let mut medium = Medium::default();
+        medium.absorption.copy_from_slice(&from.array(3)?);
+        if !medium.absorption.iter().all(|s| s.is_finite() && *s >= 0.0) {
+            return Err(wrong("its medium absorbs an impossible amount"));
+        }
         let area: Vec<f64> = from.array(n)?;
         if area.iter().zip(mesh.elements()).any(|(a, e)| a.to_bits() != e.area.to_bits()) {
             return Err(wrong("its elements have other areas"));
@@ -131,12 +139,12 @@ impl Solution {
         };
         let (irradiance_error, lamps, transmittance) = (or_none()?, or_none()?, or_none()?);
         let [reflectance, emission, direct, radiosity, irradiance, unshot] = columns;
-        let row_sums = from.array(n)?;
+        let sums = Sums { met: from.array(n)?, arriving: from.array(if medium.is_clear() { 0 } else { n })? };
         let n_factors = from.number()? as usize;
-        let balance = round(&from.array(12)?);
+        let balance = round(&from.array(15)?);
         let mut history = History::default();
         for _ in 0..from.number()? {
-            let numbers: Vec<f64> = from.array(15)?;
+            let numbers: Vec<f64> = from.array(18)?;
             let counts: Vec<u64> = from.array(5)?;
             history.records.push(Record {
                 step: counts[0] as u32,
@@ -149,20 +157,20 @@ impl Solution {
                 n_rays: counts[4],
             });
         }
-        let system = System { area, reflectance, emission, direct, lamps, transmittance };
-        Ok(Self { mesh, system, radiosity, irradiance, unshot, irradiance_error, row_sums, n_factors, balance, history })
+        let system = System { area, reflectance, emission, direct, lamps, transmittance, medium };
+        Ok(Self { mesh, system, radiosity, irradiance, unshot, irradiance_error, sums, n_factors, balance, history })
     }
 }
 
 /// A balance as numbers.
 fn flat(b: &Balance) -> Vec<f64> {
-    [b.emitted, b.absorbed, b.escaped, b.unshot].concat()
+    [b.emitted, b.absorbed, b.in_medium, b.escaped, b.unshot].concat()
 }
 
 /// The inverse of [`flat`].
 fn round(numbers: &[f64]) -> Balance {
     let at = |k: usize| [numbers[3 * k], numbers[3 * k + 1], numbers[3 * k + 2]];
-    Balance { emitted: at(0), absorbed: at(1), escaped: at(2), unshot: at(3) }
+    Balance { emitted: at(0), absorbed: at(1), in_medium: at(2), escaped: at(3), unshot: at(4) }
 }
 
 impl Progress {
@@ -175,7 +183,10 @@ impl Progress {
             Self::Factors(rows, _) => {
                 out.number(1)?;
                 out.number(rows.len() as u64)?;
-                rows.iter().try_for_each(|row| store_entries(row, out))
+                rows.iter().try_for_each(|row| {
+                    store_entries(&row.entries, out)?;
+                    row.passing.store(out)
+                })
             }
             Self::Gathering(matrix, _) => {
                 out.number(2)?;
@@ -205,10 +216,14 @@ impl Progress {
                 if n_rows > n as u64 {
                     return Err(wrong("it has more rows than elements"));
                 }
-                let rows: io::Result<Vec<Row>> = (0..n_rows).map(|_| restore_entries(n, from)).collect();
+                let row = |_| {
+                    let entries: Vec<(u32, f64)> = restore_entries(n, from)?;
+                    Ok(Row { passing: Passing::restore(&system.medium, entries.len(), from)?, entries })
+                };
+                let rows: io::Result<Vec<Row>> = (0..n_rows).map(row).collect();
                 Self::Factors(rows?, sweep)
             }
-            (2, Self::Factors(_, sweep)) => Self::Gathering(Matrix::restore(n, from)?, sweep),
+            (2, Self::Factors(_, sweep)) => Self::Gathering(Matrix::restore(n, &system.medium, from)?, sweep),
             (3, Self::Shooting(mut shooting)) => {
                 shooting.restore(from)?;
                 Self::Shooting(shooting)

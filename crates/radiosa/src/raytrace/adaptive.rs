@@ -14,8 +14,14 @@ use crate::transport::{Integrator, Solver, Step, View, World};
 
 /// The finest subdivision there is: 32 × 32 squares a pixel.
 pub const LEVEL_LIMIT: u32 = 5;
-/// Pixels a side of a tile, and tiles a step. Corners on the border of a tile are computed by both sides, to the same bits.
-const GRANULARITY: (u32, usize) = (32, 8);
+/// Pixels a side of a tile, and tiles a step, by how far a sample branches. Corners on the border of a tile are computed by both sides, to the same bits.
+const fn granularity(branching: u32) -> (u32, usize) {
+    match branching {
+        0..=4 => (32, 8),
+        5..=64 => (16, 8),
+        _ => (4, 16),
+    }
+}
 
 /// How a picture is sampled.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +58,7 @@ impl<'a, I: Integrator> AdaptiveRender<'a, I> {
     pub fn new(integrator: &'a I, view: &'a View, settings: Settings) -> Result<Self, FilmError> {
         let film = Film::new(settings.width, settings.height, &settings.layers)?;
         let settings = Settings { max_level: settings.max_level.min(LEVEL_LIMIT), ..settings };
-        Ok(Self { integrator, view, settings, progress: TileLoop::new(film, GRANULARITY) })
+        Ok(Self { integrator, view, settings, progress: TileLoop::new(film, granularity(integrator.branching())) })
     }
 
     /// Rays traced so far, of every kind.

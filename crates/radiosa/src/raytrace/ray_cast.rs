@@ -62,6 +62,7 @@ impl RayCast {
             straight: Straight {
                 has_backdrop: default_light::has_backdrop(world, &settings.extra_lights),
                 footprint: settings.footprint,
+                absorption: Spectrum::BLACK,
             },
         }
     }

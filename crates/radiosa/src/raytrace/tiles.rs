@@ -9,10 +9,11 @@ use crate::film::{Accumulator, Film, FilmError, Pixel};
 use crate::sampling::{Stream, sequence};
 use crate::transport::{Integrator, Solver, Step, View, World};
 
-/// Pixels a side of a tile, and tiles a step. A step is the unit of progress and of interruption, so with many samples a pixel both shrink; they depend on
-/// nothing else, so that what a step does never depends on the machine. Sixteen pixels are enough for neighbouring rays to share caches.
-const fn granularity(spp: u32) -> (u32, usize) {
-    match spp {
+/// Pixels a side of a tile, and tiles a step. A step is the unit of progress and of interruption, so with many samples a pixel that branch into many rays
+/// both shrink; they depend on nothing else, so that what a step does never depends on the machine. Sixteen pixels are enough for neighbouring rays to share
+/// caches.
+const fn granularity(samples: u32) -> (u32, usize) {
+    match samples {
         0..=1 => (16, 128),
         2..=16 => (16, 32),
         17..=64 => (16, 16),
@@ -38,7 +39,8 @@ impl<'a, I: Integrator> TiledRender<'a, I> {
     /// When the film cannot be had.
     pub fn new(integrator: &'a I, view: &'a View, settings: Settings) -> Result<Self, FilmError> {
         let film = Film::new(settings.width, settings.height, &settings.layers)?;
-        Ok(Self { integrator, view, progress: TileLoop::new(film, granularity(settings.spp)), settings })
+        let samples = settings.spp.saturating_mul(integrator.branching());
+        Ok(Self { integrator, view, progress: TileLoop::new(film, granularity(samples)), settings })
     }
 
     /// Rays traced so far, of every kind.

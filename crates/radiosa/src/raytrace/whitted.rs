@@ -117,6 +117,10 @@ impl Integrator for Whitted {
         pixel.alpha = 1.0 - left;
         pixel
     }
+
+    fn branching(&self) -> u32 {
+        self.settings.samples
+    }
 }
 
 /// What a ray brings, by how often the light was scattered before the ray picks it up.

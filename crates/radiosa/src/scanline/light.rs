@@ -77,7 +77,7 @@ impl Drawing<'_> {
         for (item, _) in asked.faces() {
             let facet = self.facet(facets, item);
             let look = self.method.look(facet.material);
-            let constant = facet.colors(self.world).is_none().then_some(look);
+            let constant = (facet.colors(self.world).is_none() && look.is_even_at_vertices).then_some(look);
             if self.method.interpolation == Interpolation::Flat {
                 self.light_vertex(&facet.middle(self.world), constant, lit);
             } else if let Some(Look { tinted: Some(tinted), .. }) = constant {
@@ -100,7 +100,7 @@ impl Drawing<'_> {
                 let n = if surface.is_front(wo) { surface.n } else { -surface.n };
                 Shading { n, wo, bsdf: look.bsdf, emission: Spectrum::BLACK, coverage: 1.0 }
             }
-            None => self.world.shading_with(surface, wo, Textures::Ignored),
+            None => self.world.shading_with(surface, wo, Textures::LaidOver),
         };
         self.look_from_afar(&mut shading);
         lit.push(surface, &shading);
@@ -122,15 +122,17 @@ impl Drawing<'_> {
             facet.weights(path, &asked.x, &asked.y, range, &mut varying.weights);
             let look = self.method.look(facet.material);
             let corners = if is_flat { [corners.at(number); 3] } else { [0, 1, 2].map(|i| corners.at(3 * number + i)) };
-            let base = look.base.as_ref().filter(|_| look.tints_highlights.is_some());
+            // Vertex colours change how much of a highlight is a metal's.
+            let share = look.tints_highlights.filter(|share| share.is_black() || facet.colors(self.world).is_none());
+            let base = look.base.as_ref().filter(|_| share.is_some());
             let is_tinted = self.tint(facet, base, false, range, varying);
-            let laid = look.tints_highlights.filter(|_| is_tinted).map(|share| (&varying.tint, share));
+            let laid = share.filter(|_| is_tinted).map(|share| (&varying.tint, share));
             lay(path, &corners, is_flat, &varying.weights, laid, range, mixed);
-            if look.tints_highlights.is_none() {
+            if share.is_none() {
                 for i in range[0]..range[1] {
-                    let (diffuse, specular) = self.world.texture_of_light(&self.surface(facet, at(&varying.weights, i)));
-                    let LocalLight { ambient, diffuse: d, specular: s } = mixed.at(i);
-                    mixed.set(i, &LocalLight { ambient: ambient * diffuse, diffuse: d * diffuse, specular: s * specular });
+                    let [a, d, s] = self.world.textures_of_light(&self.surface(facet, at(&varying.weights, i)));
+                    let LocalLight { ambient, diffuse, specular } = mixed.at(i);
+                    mixed.set(i, &LocalLight { ambient: ambient * a, diffuse: diffuse * d, specular: specular * s });
                 }
             }
             if look.only_reflects && !self.method.wants_data() {
@@ -277,7 +279,7 @@ for_each_cpu! {
         corners: &[LocalLight; 3],
         is_flat: bool,
         weights: &Columns,
-        tint: Option<(&Columns, f32)>,
+        tint: Option<(&Columns, Spectrum)>,
         range: [usize; 2],
         out: &mut LightColumns,
     ) = lay_on;
@@ -288,7 +290,7 @@ fn lay_on<C: Cpu>(
     corners: &[LocalLight; 3],
     is_flat: bool,
     weights: &Columns,
-    tint: Option<(&Columns, f32)>,
+    tint: Option<(&Columns, Spectrum)>,
     [mut i, end]: [usize; 2],
     out: &mut LightColumns,
 ) {
@@ -308,7 +310,7 @@ fn lay_on<C: Cpu>(
                 lobe += 1;
             }
             if let Some((tint, share)) = tint {
-                let (tint, share) = (L::<C>::load(eight(&tint[k], i)), L::<C>::splat(share));
+                let (tint, share) = (L::<C>::load(eight(&tint[k], i)), L::<C>::splat(share.to_array()[k]));
                 light[0] = light[0].mul(tint);
                 light[1] = light[1].mul(tint);
                 light[2] = light[2].mul(one.sub(share).add(tint.mul(share)));

@@ -32,14 +32,16 @@ use look::Look;
 use set_up::SetUp;
 use surfaces::Surfaces;
 
-/// Transparent faces composited at a sample at most; the nearest ones are kept.
-pub const MAX_LAYERS: usize = 32;
+/// Transparent faces composited at a sample at most, as many as other methods pass; the nearest ones are kept.
+pub const MAX_LAYERS: usize = crate::transport::eye::BEHIND_MAX as usize;
 
 /// Camera samples that are drawn together; more are drawn in several rounds.
 const MAX_SAMPLES: u32 = 16;
 
-/// Tiles a step, less what would begin another row of them.
+/// Tiles a step, less what would begin another row of them; fewer with more samples than are drawn together.
 const TILES_A_STEP: usize = 256;
+/// About what the triangles and the list of a face take while it is drawn, bytes.
+const BYTES_A_FACE: u64 = 110;
 
 /// Where the light of a face is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -78,6 +80,12 @@ pub struct Settings {
     pub viewer: Viewer,
     /// Lights beside the scene's own (`transport::default_light`).
     pub extra_lights: Vec<Light>,
+}
+
+impl Settings {
+    fn segments(&self) -> u32 {
+        self.segments.clamp(2, 1024)
+    }
 }
 
 impl Default for Settings {
@@ -148,7 +156,7 @@ impl<'a> ScanLine<'a> {
         // Rays see everything in front of the eye; a plane this near hides nothing that has a size.
         let near = f64::from(if reach.is_finite() { reach } else { 1.0 }).max(1e-30) * 1e-7;
         let projection = view.projection(near).ok_or(ScanLineError::Panorama)?;
-        let surfaces = Surfaces::new(world, settings.segments.clamp(2, 1024)).ok_or(ScanLineError::TooManyFaces)?;
+        let surfaces = Surfaces::new(world, settings.segments()).ok_or(ScanLineError::TooManyFaces)?;
         let film = Film::new(sampling.width, sampling.height, &sampling.layers)?;
         let samples: Vec<FilterSample> = (0..sampling.spp.max(1))
             .map(|i| sampling.filter.sample(sequence::pixel_sample(sampling.seed, 0, i, sampling.spp)))
@@ -178,6 +186,12 @@ impl<'a> ScanLine<'a> {
             tiles: Vec::new(),
             n_triangles: 0,
         })
+    }
+
+    /// About what drawing a world takes beside the film, bytes: its triangles, and what exact shapes are tessellated to.
+    pub fn memory(world: &World, settings: &Settings) -> u64 {
+        let (n_faces, own) = Surfaces::size(world, settings.segments());
+        n_faces * BYTES_A_FACE + own
     }
 
     /// The prepared lights.
@@ -229,7 +243,15 @@ impl Solver for ScanLine<'_> {
             self.next = 0;
         }
         let across = grid.columns() as usize;
-        let end = (self.next + across * (TILES_A_STEP / across).max(1)).min(grid.n_tiles());
+        let rounds = self.samples.len().div_ceil(MAX_SAMPLES as usize).max(1);
+        let a_step = (TILES_A_STEP / rounds).max(8);
+        let row_end = self.next - self.next % across + across;
+        // Whole rows, or parts of one.
+        let end = if a_step < across {
+            (self.next + a_step).min(row_end)
+        } else {
+            (self.next + across * (a_step / across)).min(grid.n_tiles())
+        };
         if let Some(bins) = &self.bins {
             let mut tiles = std::mem::take(&mut self.tiles);
             let empty =
@@ -240,7 +262,12 @@ impl Solver for ScanLine<'_> {
                 || tile::Scratch::new(this, world),
                 |scratch, (i, film)| tile::draw(this, world, &grid, bins, this.next + i, scratch, film),
             );
-            self.film.paste_rows(grid.corner(self.next).1, &tiles, across);
+            if a_step < across {
+                let corners = (self.next..end).map(|i| grid.corner(i));
+                corners.zip(&tiles).for_each(|((x, y), tile)| self.film.paste(x, y, tile));
+            } else {
+                self.film.paste_rows(grid.corner(self.next).1, &tiles, across);
+            }
             self.tiles = tiles;
         }
         self.next = end;

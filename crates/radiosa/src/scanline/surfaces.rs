@@ -97,7 +97,11 @@ impl Surfaces {
     /// Lists what a world holds. Spheres become `segments` rings of twice as many faces; `None` when there are more faces than can be numbered.
     pub(super) fn new(world: &World, segments: u32) -> Option<Self> {
         let geometry = world.accel().geometry();
-        let shapes = [sphere(segments), disc(2 * segments)];
+        let any = |is: fn(&Shape) -> bool| geometry.shapes.iter().any(is);
+        let shapes = [
+            if any(|s| matches!(s, Shape::Sphere)) { sphere(segments) } else { Tessellation::default() },
+            if any(|s| matches!(s, Shape::Disc)) { disc(2 * segments) } else { Tessellation::default() },
+        ];
         let mut parts = Vec::with_capacity(geometry.placed.len());
         let mut n_faces = 0u32;
         for (i, placed) in geometry.placed.iter().enumerate() {
@@ -123,6 +127,21 @@ impl Surfaces {
             }
         });
         Some(Self { parts, shapes, n_faces, kinds: kinds.chain([Kind::Opaque]).collect() })
+    }
+
+    /// How many faces [`Self::new`] would list, and what it would allocate, bytes.
+    pub(super) fn size(world: &World, segments: u32) -> (u64, u64) {
+        let geometry = world.accel().geometry();
+        let rings = u64::from(segments);
+        let faces_of = |shape: &Shape| match shape {
+            Shape::Mesh { triangles, .. } => triangles.len() as u64,
+            Shape::Sphere => 4 * rings * (rings - 1),
+            Shape::Disc => 2 * rings,
+        };
+        let tessellated = geometry.shapes.iter().filter(|shape| !matches!(shape, Shape::Mesh { .. })).map(faces_of).max();
+        // A triangle with its middle, and half a vertex.
+        let bytes = tessellated.unwrap_or(0) * (12 + 12 + 6) + (geometry.placed.len() * size_of::<Part>()) as u64;
+        (geometry.placed.iter().map(|placed| faces_of(&geometry.shapes[placed.shape as usize])).sum(), bytes)
     }
 
     /// Faces in all.

@@ -267,6 +267,7 @@ impl Drawing<'_> {
             return;
         }
         let transparent = |t: &Triangle| t.kind == Kind::Transparent as u8;
+        let mut room = MAX_LAYERS * (TILE * TILE) as usize;
         for (item, triangle) in self.triangles.iter().enumerate().filter(|(_, t)| transparent(t)) {
             for (n, (buffer, tile)) in buffers.iter().zip(&tiles).enumerate() {
                 covered.clear();
@@ -282,8 +283,9 @@ impl Drawing<'_> {
                 }));
             }
             // A pile of transparent faces must not fill the memory: what is too far back is dropped now and then.
-            if fragments.len() > 8 * MAX_LAYERS * (TILE * TILE) as usize {
+            if fragments.len() > room {
                 keep_nearest(fragments);
+                room = room.max(2 * fragments.len());
             }
         }
         keep_nearest(fragments);

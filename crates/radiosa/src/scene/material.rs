@@ -362,6 +362,18 @@ impl Model {
             Self::MetallicRoughness(m) => &m.base_color,
         }
     }
+
+    /// True for those of its own maps whose textures light can be multiplied by after it was computed without them.
+    pub(crate) fn is_laid_over(&self, map: &ColorMap) -> bool {
+        let is = |own: &ColorMap| std::ptr::eq(own, map);
+        match self {
+            Self::Phong(Phong { ambient, diffuse, specular, .. })
+            | Self::CookTorrance(CookTorrance { ambient, diffuse, specular, .. }) => {
+                is(diffuse) || is(specular) || ambient.as_ref().is_some_and(is)
+            }
+            Self::MetallicRoughness(m) => is(&m.base_color),
+        }
+    }
 }
 
 impl Material {

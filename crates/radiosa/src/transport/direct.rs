@@ -1,7 +1,7 @@
 //! Direct light at a surface from everything that is not traced further: the sum over lights that ray casting, Whitted's method and
 //! radiosity's displayed direct part share.
 
-use super::media::Media;
+use super::media::{self, Media};
 use super::{Glass, Passage, Shading, Surface, World};
 use crate::bsdf::Bsdf;
 use crate::bsdf::fresnel::Weighing;
@@ -67,13 +67,16 @@ pub struct Lights {
     emitters: Vec<Emitter>,
     ambient: Spectrum,
     n_points: usize,
-    n_wanted: usize,
+    /// Where there would be more without the limit.
+    n_wanted: Option<usize>,
     /// So few shadow rays leave a point that each is traced alone.
     few: bool,
     /// What shadow rays do at transparent things.
     glass: Glass,
     /// Draws points on emissive surfaces, instead of the fixed ones.
     random_points: Option<PointSampler>,
+    /// Of the medium that lights with a place shine through, 1/m.
+    absorption: Spectrum,
 }
 
 /// What the lights do at a point.
@@ -106,7 +109,7 @@ impl Lights {
         let mut emitters: Vec<Emitter> =
             lights().map(|light| Emitter::prepare(light, world.origin(), settings.environment_shadows)).collect();
         emitters.extend(sky.map(|sky| sky.emitter(settings.environment_shadows)));
-        let (mut n_points, mut n_wanted) = (0, 0);
+        let (mut n_points, mut n_wanted) = (0, None);
         if let Emitters::Points { n, max } = settings.emitters {
             let points = area::sample_points(world.emissive(), n, max);
             (n_points, n_wanted) = (points.len(), points.n_wanted);
@@ -115,7 +118,13 @@ impl Lights {
         let ambient = scene.ambient + emitters.iter().map(Emitter::ambient).sum();
         let few = emitters.iter().map(Emitter::n_directions).sum::<usize>() <= World::FEW_SEGMENTS;
         let glass = Glass::Clear(Weighing::Material);
-        Self { emitters, ambient, n_points, n_wanted, few, glass, random_points: None }
+        Self { emitters, ambient, n_points, n_wanted, few, glass, random_points: None, absorption: Spectrum::BLACK }
+    }
+
+    /// Light with a place shines through a medium that absorbs this, 1/m.
+    pub fn within(mut self, absorption: Spectrum) -> Self {
+        self.absorption = absorption;
+        self
     }
 
     /// Shadow rays do this at transparent things.
@@ -152,9 +161,9 @@ impl Lights {
 
     /// What a person should know about how the lights were prepared.
     pub fn note(&self) -> Option<String> {
-        let (n, wanted) = (self.n_points, self.n_wanted);
+        let n = self.n_points;
         (n > 0).then(|| {
-            let capped = if wanted > n { format!(" (the limit; {wanted} were asked for)") } else { String::new() };
+            let capped = self.n_wanted.map(|n| format!(" (the limit; {n} were asked for)")).unwrap_or_default();
             format!("emissive surfaces light others as {n} point sources{capped}")
         })
     }
@@ -238,7 +247,11 @@ impl Lights {
                 return;
             }
             let lobes = shading.bsdf.evaluate_cos(shading.n, shading.wo, incident.wi);
-            let (diffuse, specular) = (lobes.diffuse * incident.diffuse, lobes.specular * incident.specular);
+            let (mut diffuse, mut specular) = (lobes.diffuse * incident.diffuse, lobes.specular * incident.specular);
+            if !self.absorption.is_black() && incident.distance.is_finite() {
+                let left = media::transmittance(self.absorption, incident.distance);
+                (diffuse, specular) = (diffuse * left, specular * left);
+            }
             if diffuse.is_black() && (specular.is_black() || lobes.specular.max_channel() < DARK) {
                 return;
             }

@@ -1,5 +1,6 @@
 //! What methods share about the ray from the eye: its first surface, what lies straight behind it, and behind everything.
 
+use super::media::transmittance;
 use super::{Footprint, LocalLight, Shading, Surface, World, default_light};
 use crate::accel::Hit;
 use crate::film::Pixel;
@@ -18,6 +19,8 @@ pub(crate) struct Straight {
     pub(crate) has_backdrop: bool,
     /// How wide a camera sample is.
     pub(crate) footprint: Footprint,
+    /// Of the medium it passes, 1/m.
+    pub(crate) absorption: Spectrum,
 }
 
 impl Straight {
@@ -50,6 +53,7 @@ impl Straight {
             };
             let wo = -ray.dir;
             travelled += hit.t;
+            open = open * transmittance(self.absorption, hit.t);
             surface.width = self.footprint.width(travelled, surface.ng.dot(wo));
             let shading = world.shading(&surface, wo);
             record(&mut pixel, world, &surface, &shading, travelled);

@@ -10,4 +10,9 @@ pub trait Integrator: Sync {
     /// One sample. `stream` is this camera sample's own: keyed by seed, pixel and sample, so that the result depends on nothing else.
     /// `n_rays` grows by the rays traced.
     fn sample(&self, world: &World, ray: &Ray, stream: &mut Stream, n_rays: &mut u64) -> Pixel;
+
+    /// About how many rays one sample sends where it branches at once: progress and interruption come in steps of so much work.
+    fn branching(&self) -> u32 {
+        1
+    }
 }

@@ -8,12 +8,19 @@ use crate::bsdf::texture;
 use crate::bsdf::{Bsdf, Lookup};
 use crate::math::{Frame, Ray, Vec2, Vec3, Vec4};
 use crate::scene::{
-    AlphaMode, ColorMap, Geometry, InstanceId, Model, NormalMap, ScalarMap, TextureId, TextureRef, TextureSource,
+    AlphaMode, ColorMap, CookTorrance, Geometry, InstanceId, Model, NormalMap, Phong, ScalarMap, TextureId, TextureRef,
+    TextureSource,
 };
 use crate::spectrum::Spectrum;
 
 /// Height of white over black in a height map, in sides of the picture, at scale 1.
 const BUMP_HEIGHT: f32 = 0.02;
+
+/// Transparent surfaces that are collected by one query and put in order.
+const COLLECTED: usize = 8;
+
+/// Faces of one object this near to each other on a ray, in parts of the distance, meet in an edge.
+const SAME_SURFACE: f32 = 1e-5;
 
 /// Transparent surfaces a segment passes at most; a pile of this many counts as opaque.
 const MAX_LAYERS: u32 = 256;
@@ -72,6 +79,48 @@ impl Passage<'_> {
     }
 }
 
+/// Light on its way along a segment, straight through what is transparent.
+struct Filtered<'a> {
+    passage: Passage<'a>,
+    /// Unit, back along the segment.
+    wo: Vec3,
+    /// The bodies it is in.
+    media: Media,
+    passed: Spectrum,
+}
+
+impl<'a> Filtered<'a> {
+    fn new(segment: &Ray, passage: Passage<'a>) -> Self {
+        Self { passage, wo: -segment.dir.normalize(), media: *passage.media, passed: Spectrum::WHITE }
+    }
+
+    /// Passes a surface, `distance` metres from the last one.
+    fn meet(&mut self, world: &World, surface: &Surface, distance: f32) {
+        let shading = world.shading(surface, self.wo);
+        let entering = surface.is_front(self.wo);
+        let (mut through, mut surroundings) = (self.media.current().copied(), Some(self.media.ior()));
+        if self.passage.glass != Glass::Opaque
+            && let Some(t) = shading.bsdf.transmission().filter(|t| !t.thin)
+        {
+            let boundary = self.media.pass(Medium::of(surface, &t), entering);
+            (through, surroundings) = (boundary.began_in.or(through), boundary.surroundings);
+        }
+        let glass = match (self.passage.glass, surroundings) {
+            (Glass::Opaque, _) => Spectrum::BLACK,
+            // Hidden in a body of higher priority: there is no surface here.
+            (Glass::Clear(_), None) => Spectrum::WHITE,
+            (Glass::Clear(by), Some(ior)) => shading.bsdf.weighed(by).straight_transmission(shading.n, self.wo, entering, ior),
+        };
+        let open = Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage;
+        self.passed = self.passed * media::transmittance_of(through.as_ref(), distance) * open;
+    }
+
+    /// What is left after the last `distance` metres.
+    fn end(self, distance: f32) -> Spectrum {
+        self.passed * media::transmittance_of(self.media.current(), distance)
+    }
+}
+
 /// The maps of a material, read at one point.
 struct At<'a> {
     world: &'a World,
@@ -85,8 +134,8 @@ struct At<'a> {
 pub enum Textures {
     /// As the material has them.
     Sampled,
-    /// Every coefficient is its factor, and the normal is the surface's own: light at vertices, before textures are laid over it.
-    Ignored,
+    /// But those of the colours that [`World::textures_of_light`] gives, and normal maps: light at vertices, before textures are laid over it.
+    LaidOver,
 }
 
 impl At<'_> {
@@ -97,15 +146,16 @@ impl At<'_> {
 
 impl Lookup for At<'_> {
     fn color(&self, map: &ColorMap) -> Spectrum {
-        map.texture.as_ref().filter(|_| self.textures == Textures::Sampled).map_or(map.factor, |t| {
+        let is_read =
+            |_: &&TextureRef| self.textures == Textures::Sampled || !self.world.material_at(self.surface).model.is_laid_over(map);
+        map.texture.as_ref().filter(is_read).map_or(map.factor, |t| {
             let [r, g, b, _] = self.texel(t);
             map.factor * Spectrum::new(r, g, b)
         })
     }
 
     fn scalar(&self, map: &ScalarMap) -> f32 {
-        let texture = map.texture.as_ref().filter(|_| self.textures == Textures::Sampled);
-        texture.map_or(map.factor, |t| map.factor * self.texel(t)[usize::from(map.channel & 3)])
+        map.texture.as_ref().map_or(map.factor, |t| map.factor * self.texel(t)[usize::from(map.channel & 3)])
     }
 
     fn vertex_color(&self) -> Spectrum {
@@ -137,15 +187,21 @@ impl World {
         Shading { n, wo, bsdf: Bsdf::resolve(material, &at), emission, coverage }
     }
 
-    /// The texture of the diffuse or base colour alone, and that of highlights: what light that was computed without textures is multiplied by.
-    pub fn texture_of_light(&self, surface: &Surface) -> (Spectrum, Spectrum) {
+    /// The textures that are laid over the ambient, diffuse and specular part of light that was computed with [`Textures::LaidOver`].
+    pub fn textures_of_light(&self, surface: &Surface) -> [Spectrum; 3] {
         let of = |map: &ColorMap| map.texture.as_ref().map_or(Spectrum::WHITE, |t| self.texture_color(surface, t));
-        let material = self.material_at(surface);
-        let base = of(material.model.base_color());
-        match &material.model {
-            Model::Phong(m) => (base, of(&m.specular)),
-            Model::CookTorrance(m) => (base, of(&m.specular)),
-            Model::MetallicRoughness(m) => (base, Spectrum::WHITE.lerp(base, m.metallic.factor)),
+        let model = &self.material_at(surface).model;
+        let base = of(model.base_color());
+        match model {
+            Model::Phong(Phong { ambient, specular, .. }) | Model::CookTorrance(CookTorrance { ambient, specular, .. }) => {
+                [ambient.as_ref().map_or(base, of), base, of(specular)]
+            }
+            Model::MetallicRoughness(_) => {
+                let vertex_color = surface.vertex_color(self);
+                let at = At { world: self, surface, vertex_color, textures: Textures::LaidOver };
+                let share = Bsdf::resolve(self.material_at(surface), &at).share_of_metal();
+                [base, base, Spectrum::WHITE + share * (base - Spectrum::WHITE)]
+            }
         }
     }
 
@@ -189,59 +245,76 @@ impl World {
         if !self.has_transparency() {
             return if self.accel().occluded(segment) { Spectrum::BLACK } else { Spectrum::WHITE };
         }
-        // What is opaque decides without order; only when nothing is, the rest is walked through from front to back.
-        let mut meets_any = false;
+        // What is opaque decides without order; only when nothing is, the rest is put in order.
+        let mut hits = [Hit { t: f32::INFINITY, instance: 0, primitive: 0, u: 0.0, v: 0.0 }; COLLECTED];
+        let mut n = 0;
         let is_opaque = &mut |hit: &Hit| {
-            meets_any = true;
-            !self.may_be_transparent(self.scene().material_of(InstanceId(hit.instance), hit.primitive))
+            if !self.may_be_transparent(self.scene().material_of(InstanceId(hit.instance), hit.primitive)) {
+                return true;
+            }
+            if let Some(slot) = hits.get_mut(n) {
+                *slot = *hit;
+            }
+            n += 1;
+            false
         };
         if self.accel().occluded_where(segment, is_opaque) {
             Spectrum::BLACK
-        } else if meets_any {
-            self.transmittance_of_transparent(segment, passage, n_rays)
-        } else {
+        } else if n == 0 {
             passage.absorbed(segment)
+        } else if let Some(hits) = hits.get_mut(..n) {
+            hits.sort_unstable_by(|a, b| {
+                a.t.total_cmp(&b.t).then(a.instance.cmp(&b.instance)).then(a.primitive.cmp(&b.primitive))
+            });
+            self.transmittance_of(segment, hits, passage)
+        } else {
+            self.transmittance_step_by_step(segment, passage, n_rays)
         }
     }
 
-    /// The fraction for a segment that meets transparent things only.
-    fn transmittance_of_transparent(&self, segment: &Ray, passage: Passage<'_>, n_rays: &mut u64) -> Spectrum {
-        let mut passed = Spectrum::WHITE;
+    /// The fraction for a segment that meets these transparent surfaces only, in order.
+    fn transmittance_of(&self, segment: &Ray, hits: &[Hit], passage: Passage<'_>) -> Spectrum {
+        let mut light = Filtered::new(segment, passage);
+        let unit = segment.dir.length();
+        let mut begin = 0.0;
+        let mut last: Option<(u32, bool)> = None;
+        for hit in hits {
+            let surface = self.surface(segment, hit);
+            if self.has_masks() && !self.is_there(&surface) {
+                continue;
+            }
+            // Two faces that meet in an edge on the segment are one surface.
+            let side = (hit.instance, surface.is_front(light.wo));
+            if last == Some(side) && hit.t - begin <= SAME_SURFACE * hit.t {
+                continue;
+            }
+            light.meet(self, &surface, unit * (hit.t - begin));
+            if light.passed.is_black() {
+                return light.passed;
+            }
+            (last, begin) = (Some(side), hit.t);
+        }
+        light.end(unit * (segment.t_max - begin))
+    }
+
+    /// The same from one surface to the next, however many they are.
+    fn transmittance_step_by_step(&self, segment: &Ray, passage: Passage<'_>, n_rays: &mut u64) -> Spectrum {
+        let mut light = Filtered::new(segment, passage);
         let end = segment.at(segment.t_max);
         let mut ray = *segment;
-        let mut media = *passage.media;
         for _ in 0..MAX_LAYERS {
             *n_rays += 1;
             let unit = ray.dir.length();
-            let Some((hit, surface)) = self.closest_visible(&ray) else {
-                return passed * media::transmittance_of(media.current(), unit * ray.t_max);
-            };
-            let wo = -segment.dir.normalize();
-            let shading = self.shading(&surface, wo);
-            let entering = surface.is_front(wo);
-            let (mut through, mut surroundings) = (media.current().copied(), Some(media.ior()));
-            if passage.glass != Glass::Opaque
-                && let Some(t) = shading.bsdf.transmission().filter(|t| !t.thin)
-            {
-                let boundary = media.pass(Medium::of(&surface, &t), entering);
-                (through, surroundings) = (boundary.began_in.or(through), boundary.surroundings);
-            }
-            passed = passed * media::transmittance_of(through.as_ref(), unit * hit.t);
-            let glass = match (passage.glass, surroundings) {
-                (Glass::Opaque, _) => Spectrum::BLACK,
-                // Hidden in a body of higher priority: there is no surface here.
-                (Glass::Clear(_), None) => Spectrum::WHITE,
-                (Glass::Clear(by), Some(ior)) => shading.bsdf.weighed(by).straight_transmission(shading.n, wo, entering, ior),
-            };
-            passed = passed * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
-            if passed.is_black() {
-                return passed;
+            let Some((hit, surface)) = self.closest_visible(&ray) else { return light.end(unit * ray.t_max) };
+            light.meet(self, &surface, unit * hit.t);
+            if light.passed.is_black() {
+                return light.passed;
             }
             // The segment's end stays where it was, though the start moves.
             ray = if segment.t_max.is_finite() {
                 let onward = surface.segment_to(end);
                 if onward.dir.dot(segment.dir) <= 0.0 {
-                    return passed;
+                    return light.passed;
                 }
                 onward
             } else {

@@ -10,9 +10,11 @@
 
 use std::f64::consts::PI;
 
+use super::Exchange;
 use super::rule;
 use super::visibility::Visibility;
 use crate::math::{DVec3, Vec2};
+use crate::radiosity::medium::Medium;
 use crate::radiosity::mesh::{Element, ElementMesh};
 use crate::sampling::{rng, sequence};
 use crate::transport::World;
@@ -64,16 +66,16 @@ pub struct Area<'a> {
 }
 
 impl<'a> Area<'a> {
-    pub(super) fn new(world: &'a World, mesh: &'a ElementMesh, settings: &Settings, seed: u64) -> Self {
+    pub(super) fn new(world: &'a World, mesh: &'a ElementMesh, settings: &Settings, medium: Medium, seed: u64) -> Self {
         let settings = Settings { samples: settings.samples.max(1), ..settings.clone() };
-        Self { elements: mesh.elements(), visibility: Visibility::without_points(world), settings, seed }
+        Self { elements: mesh.elements(), visibility: Visibility::without_points(world, medium), settings, seed }
     }
 
-    /// `A_i F_ij`, m², and its variance.
-    pub(super) fn exchange_area(&self, i: u32, j: u32, scratch: &mut super::visibility::Scratch) -> [f64; 2] {
+    /// What a pair exchanges.
+    pub(super) fn exchange(&self, i: u32, j: u32, scratch: &mut super::visibility::Scratch) -> Exchange {
         let (a, b) = (&self.elements[i as usize], &self.elements[j as usize]);
         if faces_away(a, b) || faces_away(b, a) {
-            return [0.0; 2];
+            return Exchange::NONE;
         }
         let n = self.settings.samples;
         let disc = if self.settings.kernel == Kernel::Disc { b.area / f64::from(n) } else { 0.0 };
@@ -91,10 +93,10 @@ impl<'a> Area<'a> {
             let kernel = if cosines > 0.0 { cosines / (PI * r2 + disc) * x.area * y.area } else { 0.0 };
             ([(a, x.p), (b, y.p)], kernel)
         });
-        let [sum, squares] = self.visibility.visible_sums(pairs, scratch);
+        let ([sum, squares], passing) = self.visibility.visible_sums(pairs, scratch);
         let n = f64::from(n);
         let mean = sum / n;
-        [mean, (squares / n - mean * mean).max(0.0) / n]
+        Exchange { area: mean, variance: (squares / n - mean * mean).max(0.0) / n, passing }
     }
 }
 

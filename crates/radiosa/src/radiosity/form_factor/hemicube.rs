@@ -26,6 +26,7 @@ use crate::accel::Hit;
 use crate::math::function::atan_f64;
 use crate::math::polygon::area_vector;
 use crate::math::{DMat3, DVec3};
+use crate::radiosity::medium::Medium;
 use crate::radiosity::mesh::ElementMesh;
 use crate::raster::{self, ItemBuffer, Projection, TILE, Tile, Triangle};
 use crate::sampling::{rng, sequence};
@@ -58,6 +59,7 @@ pub struct Hemicube<'a> {
     world: &'a World,
     mesh: &'a ElementMesh,
     settings: Settings,
+    medium: Medium,
     seed: u64,
     near: f64,
     /// ΔF of the top's pixels, row by row, and of the upper half of a side's.
@@ -73,7 +75,7 @@ pub struct Scratch {
 }
 
 impl<'a> Hemicube<'a> {
-    pub(super) fn new(world: &'a World, mesh: &'a ElementMesh, settings: &Settings, seed: u64) -> Self {
+    pub(super) fn new(world: &'a World, mesh: &'a ElementMesh, settings: &Settings, medium: Medium, seed: u64) -> Self {
         let resolution = settings.resolution.clamp(2, MAX_RESOLUTION).next_multiple_of(2);
         let bounds = world.accel().bounds();
         let size = f64::from((bounds.max - bounds.min).length());
@@ -81,6 +83,7 @@ impl<'a> Hemicube<'a> {
             world,
             mesh,
             settings: Settings { resolution, points: settings.points.max(1) },
+            medium,
             seed,
             near: if size > 0.0 && size.is_finite() { NEAR * size } else { NEAR },
             delta: [delta(resolution, resolution, of_top), delta(resolution, resolution / 2, of_side)],
@@ -140,8 +143,8 @@ impl<'a> Hemicube<'a> {
                     let row = &scratch.buffer.items()[((y - y0) * TILE) as usize..][..(x1 - x0) as usize];
                     for (x, &patch) in (x0..x1).zip(row).filter(|(_, patch)| **patch != raster::depth::NOTHING) {
                         let [u, v] = [x, y].map(|k| (f64::from(k) + 0.5) / half - 1.0);
-                        if let Some(j) = self.element_seen(patch, eye, forward + right * u - up * v) {
-                            sums.add(j, delta[(y * resolution + x) as usize] * share);
+                        if let Some((j, distance)) = self.element_seen(patch, eye, forward + right * u - up * v) {
+                            sums.add_through(&self.medium, distance, j, delta[(y * resolution + x) as usize] * share);
                         }
                     }
                 }
@@ -186,17 +189,17 @@ impl<'a> Hemicube<'a> {
         }
     }
 
-    /// The cell of a patch that a ray meets; `None` where it meets a side that takes no part.
-    fn element_seen(&self, patch: u32, eye: DVec3, dir: DVec3) -> Option<u32> {
+    /// The cell of a patch that a ray meets, and how far away, where that is asked for; `None` where it meets a side that takes no part.
+    fn element_seen(&self, patch: u32, eye: DVec3, dir: DVec3) -> Option<(u32, f64)> {
         let n_elements = self.mesh.n_on_side(patch as usize);
         let patch = &self.mesh.patches()[patch as usize];
         let mut p = DVec3::ZERO;
-        if n_elements > 1 {
+        if n_elements > 1 || !self.medium.is_clear() {
             let n = area_vector(patch.corners());
             p = eye + dir * ((patch.corners()[0] - eye).dot(n) / dir.dot(n));
         }
         let hit = Hit { t: 0.0, instance: patch.instance.0, primitive: patch.triangles[0], u: 0.0, v: 0.0 };
-        self.mesh.element_at(&hit, p.as_vec3(), dir.as_vec3())
+        self.mesh.element_at(&hit, p.as_vec3(), dir.as_vec3()).map(|j| (j, (p - eye).length()))
     }
 }
 

@@ -24,6 +24,7 @@ use super::Sums;
 use super::rule::{self, Turned};
 use crate::math::function::{cos_f64, sin_f64};
 use crate::math::{DVec3, Ray, Vec2, Vec3};
+use crate::radiosity::medium::Medium;
 use crate::radiosity::mesh::{Element, ElementMesh};
 use crate::sampling::{rng, sequence, warp};
 use crate::transport::World;
@@ -65,13 +66,14 @@ pub struct Hemisphere<'a> {
     world: &'a World,
     mesh: &'a ElementMesh,
     settings: Settings,
+    medium: Medium,
     seed: u64,
     /// Directions around +z and their weights, where every source point has the same.
     pattern: Vec<(DVec3, f64)>,
 }
 
 impl<'a> Hemisphere<'a> {
-    pub(super) fn new(world: &'a World, mesh: &'a ElementMesh, settings: &Settings, seed: u64) -> Self {
+    pub(super) fn new(world: &'a World, mesh: &'a ElementMesh, settings: &Settings, medium: Medium, seed: u64) -> Self {
         let settings =
             Settings { rule: settings.rule, rays: settings.rays.max(1), points: settings.points.clamp(1, settings.rays.max(1)) };
         // k azimuths for k/4 polar angles: cells as high as wide at the horizon.
@@ -81,7 +83,7 @@ impl<'a> Hemisphere<'a> {
             Rule::Nodal => nodes(4 * (quarter + 1)),
             Rule::Nusselt | Rule::Random => Vec::new(),
         };
-        Self { world, mesh, settings, seed, pattern }
+        Self { world, mesh, settings, medium, seed, pattern }
     }
 
     pub(super) fn row(&self, i: u32, sums: &mut Sums, n_rays: &mut u64) {
@@ -174,7 +176,7 @@ impl Rays<'_, '_> {
     }
 
     fn trace(&mut self) {
-        let Hemisphere { world, mesh, .. } = self.of;
+        let Hemisphere { world, mesh, medium, .. } = self.of;
         *self.n_rays += self.waiting.len() as u64;
         let n = self.waiting.len();
         let hits = if n < 8 || world.has_transparency() {
@@ -183,9 +185,9 @@ impl Rays<'_, '_> {
             world.accel().closest8(&std::array::from_fn(|k| self.waiting[k].0), u8::MAX)
         };
         for ((ray, weight), hit) in self.waiting.iter().zip(hits) {
-            let met = hit.and_then(|hit| mesh.element_at(&hit, ray.origin + ray.dir * hit.t, ray.dir));
-            if let Some(j) = met {
-                self.sums.add(j, *weight);
+            let Some(hit) = hit else { continue };
+            if let Some(j) = mesh.element_at(&hit, ray.origin + ray.dir * hit.t, ray.dir) {
+                self.sums.add_through(medium, f64::from(hit.t), j, *weight);
             }
         }
         self.waiting.clear();

@@ -5,8 +5,10 @@
 //! ```
 //!
 //! Each estimator is one file behind one contract: [`Factors::row`] gives the factors from one element to all others, in the order of the elements.
-//! Every solver asks for nothing else, but that [`Factors::matrix`] takes the whole at once where pairs can be shared.
+//! Every solver asks for nothing else, but that [`Factors::matrix`] takes the whole at once where pairs can be shared. In an absorbing medium every factor has its
+//! mean transmittance beside it ([`super::medium`]).
 
+pub mod absorbed;
 pub mod analytic;
 pub mod area;
 mod cull;
@@ -20,6 +22,7 @@ pub mod visibility;
 use rayon::prelude::*;
 
 use super::matrix::Matrix;
+use super::medium::{Medium, Passing};
 use super::mesh::ElementMesh;
 use crate::transport::World;
 
@@ -42,13 +45,36 @@ impl Default for Estimator {
     }
 }
 
-/// The factors of one element: `(j, F_ij)` with `F_ij` above zero, by rising `j`.
-pub type Row = Vec<(u32, f64)>;
+/// The factors of one element.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Row {
+    /// `(j, F_ij)` with `F_ij` above zero, by rising `j`, as if the medium were clear.
+    pub entries: Vec<(u32, f64)>,
+    /// τ_ij of each.
+    pub passing: Passing,
+}
+
+/// What two elements exchange.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exchange {
+    /// `A_i F_ij`, m², as if the medium were clear.
+    pub area: f64,
+    /// Of its estimate.
+    pub variance: f64,
+    /// τ_ij by channel.
+    pub passing: [f64; 3],
+}
+
+impl Exchange {
+    /// They see nothing of each other.
+    pub const NONE: Self = Self { area: 0.0, variance: 0.0, passing: [1.0; 3] };
+}
 
 /// Form factors between the elements of a world, by one estimator.
 #[derive(Debug)]
 pub struct Factors<'a> {
     mesh: &'a ElementMesh,
+    medium: Medium,
     kind: Kind<'a>,
 }
 
@@ -78,6 +104,8 @@ pub struct Scratch {
 struct Sums {
     /// By element: the sum of the parts and that of their squares.
     parts: Vec<[f64; 2]>,
+    /// By element, where parts come through a medium: the sums of what is left of them.
+    left: Vec<[f64; 3]>,
     touched: Vec<u32>,
 }
 
@@ -94,14 +122,26 @@ impl Sums {
         sums[1] += part * part;
     }
 
+    /// A part that comes from `distance` metres away through a medium.
+    fn add_through(&mut self, medium: &Medium, distance: f64, j: u32, part: f64) {
+        self.add(j, part);
+        if !medium.is_clear() {
+            self.left.resize(self.parts.len(), [0.0; 3]);
+            let tau = medium.transmittance(distance);
+            (0..3).for_each(|c| self.left[j as usize][c] += part * tau[c]);
+        }
+    }
+
     /// Empties it into a row. The variance is that of independent parts: `Σ w² (1 − F)`, which is `F (1 − F)/n` for equal ones.
     fn drain(&mut self, row: &mut Row, variances: &mut Vec<f64>) {
         self.touched.sort_unstable();
         self.touched.dedup();
         for j in self.touched.drain(..) {
             let [factor, squares] = std::mem::take(&mut self.parts[j as usize]);
+            let left = self.left.get_mut(j as usize).map_or([factor; 3], std::mem::take);
             if factor > 0.0 {
-                row.push((j, factor));
+                row.entries.push((j, factor));
+                row.passing.push(left.map(|left| (left / factor).min(1.0)));
                 variances.push(squares * (1.0 - factor).max(0.0));
             }
         }
@@ -109,15 +149,25 @@ impl Sums {
 }
 
 impl<'a> Factors<'a> {
-    /// Makes an estimator ready.
+    /// Makes an estimator ready, in a clear medium.
     pub fn new(world: &'a World, mesh: &'a ElementMesh, estimator: &Estimator, seed: u64) -> Self {
+        Self::in_medium(world, mesh, estimator, Medium::default(), seed)
+    }
+
+    /// Makes an estimator ready.
+    pub fn in_medium(world: &'a World, mesh: &'a ElementMesh, estimator: &Estimator, medium: Medium, seed: u64) -> Self {
         let kind = match estimator {
-            Estimator::Analytic(settings) => Kind::Analytic(Box::new(pair::Pairs::new(world, mesh, settings))),
-            Estimator::Hemicube(settings) => Kind::Hemicube(hemicube::Hemicube::new(world, mesh, settings, seed)),
-            Estimator::Hemisphere(settings) => Kind::Hemisphere(hemisphere::Hemisphere::new(world, mesh, settings, seed)),
-            Estimator::Area(settings) => Kind::Area(area::Area::new(world, mesh, settings, seed)),
+            Estimator::Analytic(settings) => Kind::Analytic(Box::new(pair::Pairs::new(world, mesh, settings, medium))),
+            Estimator::Hemicube(settings) => Kind::Hemicube(hemicube::Hemicube::new(world, mesh, settings, medium, seed)),
+            Estimator::Hemisphere(settings) => Kind::Hemisphere(hemisphere::Hemisphere::new(world, mesh, settings, medium, seed)),
+            Estimator::Area(settings) => Kind::Area(area::Area::new(world, mesh, settings, medium, seed)),
         };
-        Self { mesh, kind }
+        Self { mesh, medium, kind }
+    }
+
+    /// What is between them.
+    pub fn medium(&self) -> &Medium {
+        &self.medium
     }
 
     /// The elements.
@@ -127,17 +177,19 @@ impl<'a> Factors<'a> {
 
     /// The factors from element `i` to every other, with their variances in `scratch`.
     pub fn row(&self, i: u32, row: &mut Row, scratch: &mut Scratch) {
-        row.clear();
+        row.entries.clear();
+        row.passing.clear(&self.medium);
         scratch.variances.clear();
         let area = self.mesh.elements()[i as usize].area;
         match &self.kind {
             Kind::Analytic(_) | Kind::Area(_) if area <= 0.0 => {}
             Kind::Analytic(_) | Kind::Area(_) => {
                 for j in (0..self.mesh.elements().len() as u32).filter(|&j| j != i) {
-                    let [exchange, variance] = self.exchange_area(i.min(j), i.max(j), scratch);
-                    if exchange > 0.0 {
-                        row.push((j, exchange / area));
-                        scratch.variances.push(variance / (area * area));
+                    let exchange = self.exchange(i.min(j), i.max(j), scratch);
+                    if exchange.area > 0.0 {
+                        row.entries.push((j, exchange.area / area));
+                        row.passing.push(exchange.passing);
+                        scratch.variances.push(exchange.variance / (area * area));
                     }
                 }
             }
@@ -152,15 +204,12 @@ impl<'a> Factors<'a> {
         }
     }
 
-    /// `A_i F_ij` of a pair with `i < j` and its variance, for estimators that see pairs.
-    pub(super) fn exchange_area(&self, i: u32, j: u32, scratch: &mut Scratch) -> [f64; 2] {
+    /// What a pair with `i < j` exchanges, for estimators that see pairs.
+    pub(super) fn exchange(&self, i: u32, j: u32, scratch: &mut Scratch) -> Exchange {
         match &self.kind {
-            Kind::Analytic(pairs) => {
-                let estimate = pairs.exchange_area(i, j, &mut scratch.pair);
-                [estimate.value, estimate.error * estimate.error]
-            }
-            Kind::Area(area) => area.exchange_area(i, j, &mut scratch.area),
-            Kind::Hemicube(_) | Kind::Hemisphere(_) => [0.0; 2],
+            Kind::Analytic(pairs) => pairs.exchange(i, j, &mut scratch.pair),
+            Kind::Area(area) => area.exchange(i, j, &mut scratch.area),
+            Kind::Hemicube(_) | Kind::Hemisphere(_) => Exchange::NONE,
         }
     }
 
@@ -188,21 +237,32 @@ impl<'a> Factors<'a> {
         let n = self.mesh.elements().len() as u32;
         of.into_par_iter()
             .map_init(Scratch::default, |scratch, i| {
-                let exchange = |j| (j, self.exchange_area(i, j, scratch)[0]);
-                (i + 1..n).map(exchange).filter(|&(_, e)| e > 0.0).collect()
+                let mut row = Row { passing: Passing::new(&self.medium), ..Row::default() };
+                for j in i + 1..n {
+                    let exchange = self.exchange(i, j, scratch);
+                    if exchange.area > 0.0 {
+                        row.entries.push((j, exchange.area));
+                        row.passing.push(exchange.passing);
+                    }
+                }
+                row
             })
             .collect()
     }
 
     /// The matrix from the shares of all elements.
     pub fn assemble(&self, parts: &[Row]) -> Matrix {
-        if self.is_reciprocal() { Matrix::from_exchange_areas(parts, self.mesh) } else { Matrix::from_rows(parts) }
+        if self.is_reciprocal() {
+            Matrix::from_exchange_areas(parts, self.mesh, &self.medium)
+        } else {
+            Matrix::from_rows(parts, &self.medium)
+        }
     }
 
     /// The rows of some elements, in their order. The same at any thread count.
     pub fn rows(&self, of: &[u32]) -> Vec<Row> {
         let row = |scratch: &mut Scratch, &i: &u32| {
-            let mut row = Row::new();
+            let mut row = Row::default();
             self.row(i, &mut row, scratch);
             row
         };

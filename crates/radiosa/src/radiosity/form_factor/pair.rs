@@ -8,6 +8,8 @@ use std::f64::consts::FRAC_1_PI;
 
 use rayon::prelude::*;
 
+use super::Exchange;
+use super::absorbed::absorbed;
 use super::analytic;
 use super::cull::Blocks;
 use super::occluded::{self, Estimate, Outline};
@@ -16,6 +18,7 @@ use super::visibility::{self, Visibility};
 use crate::math::lanes::{Cpu, for_each_cpu};
 use crate::math::polygon::area_vector;
 use crate::math::{CpuPath, DVec3};
+use crate::radiosity::medium::Medium;
 use crate::radiosity::mesh::{Element, ElementMesh};
 use crate::radiosity::patch::Patch;
 use crate::scene::Geometry;
@@ -56,6 +59,7 @@ impl Default for Settings {
 pub struct Pairs<'a> {
     elements: &'a [Element],
     visibility: Visibility<'a>,
+    medium: Medium,
     tolerance: f64,
     path: CpuPath,
     /// The greatest q for which the rule of 1, 2, 3, 4, 6 and 8 points a side is exact enough.
@@ -96,7 +100,7 @@ pub struct Scratch {
 
 impl<'a> Pairs<'a> {
     /// Prepares the points of every element.
-    pub fn new(world: &'a World, mesh: &'a ElementMesh, settings: &Settings) -> Self {
+    pub fn new(world: &'a World, mesh: &'a ElementMesh, settings: &Settings, medium: Medium) -> Self {
         let elements = mesh.elements();
         let bound = |e: &Element| {
             let centre = rule::centroid(e);
@@ -107,7 +111,7 @@ impl<'a> Pairs<'a> {
             elements.iter().for_each(|e| rule::gauss(e, n, &mut nodes));
             nodes
         });
-        let visibility = Visibility::new(world, mesh, settings.rays);
+        let visibility = Visibility::new(world, mesh, settings.rays, medium);
         let most = if settings.clip.is_some() { MAX_OCCLUDERS } else { FEW_OCCLUDERS };
         let occluders = if is_opaque(world, mesh) { Occluders::new(mesh, most) } else { None };
         Self {
@@ -116,6 +120,7 @@ impl<'a> Pairs<'a> {
             blocks: if occluders.is_none() { Blocks::new(elements, &visibility) } else { None },
             occluders,
             visibility,
+            medium,
             tolerance: settings.tolerance,
             path: world.cpu_path(),
             reach: [1.0, 2.0, 3.0, 4.0, 6.0, 8.0].map(|n: f64| libm::pow(settings.tolerance.clamp(1e-12, 0.5), 0.5 / n)),
@@ -129,33 +134,50 @@ impl<'a> Pairs<'a> {
         self.clip.is_some() && self.occluders.is_some()
     }
 
-    /// `A_i F_ij = A_j F_ji`, m²; the error is that of the visible fraction, one standard deviation of independent rays.
-    pub fn exchange_area(&self, i: u32, j: u32, scratch: &mut Scratch) -> Estimate {
+    /// What a pair exchanges; the error is that of the visible fraction, one standard deviation of independent rays.
+    pub fn exchange(&self, i: u32, j: u32, scratch: &mut Scratch) -> Exchange {
         if self.elements[i as usize].area <= 0.0 || self.elements[j as usize].area <= 0.0 {
             // Covered as a whole.
-            return Estimate::default();
+            return Exchange::NONE;
         }
         if self.blocks.as_ref().is_some_and(|blocks| !blocks.may_see(i, j)) {
-            return Estimate::default();
+            return Exchange::NONE;
         }
         let exact = self.unoccluded(i, j);
         if exact <= 0.0 {
-            return Estimate::default();
+            return Exchange::NONE;
         }
         let (a, b) = (&self.elements[i as usize], &self.elements[j as usize]);
+        let passing = self.passing(a, b, exact);
+        let exchange = |Estimate { value, error }, passing| Exchange { area: value, variance: error * error, passing };
         if let Some(occluders) = &self.occluders {
             let [oa, ob] = [i, j].map(|i| &occluders.elements[i as usize]);
             let is_between = |o: &&Outline| occluded::may_block(oa, ob, o);
             let between: Vec<&[DVec3]> = occluders.of(a.patch, b.patch).filter(is_between).map(|o| o.corners.as_ref()).collect();
             if between.is_empty() {
-                return Estimate { value: exact, error: 0.0 };
+                return exchange(Estimate { value: exact, error: 0.0 }, passing);
             }
             if let Some(tolerance) = self.clip {
-                return occluded::exchange_past(exact, a.corners(), b.corners(), &between, tolerance, &mut scratch.occluded);
+                let estimate =
+                    occluded::exchange_past(exact, a.corners(), b.corners(), &between, tolerance, &mut scratch.occluded);
+                if self.medium.is_clear() || estimate.value == exact {
+                    return exchange(estimate, passing);
+                }
+                // What is seen is known, how far it is, rays say.
+                let seen = self.visibility.seen((i, a), (j, b), &mut scratch.visibility);
+                return exchange(estimate, shifted(passing, seen.passing));
             }
         }
-        let [fraction, error] = self.visibility.fraction((i, a), (j, b), &mut scratch.visibility);
-        Estimate { value: exact * fraction, error: exact * error }
+        let seen = self.visibility.seen((i, a), (j, b), &mut scratch.visibility);
+        exchange(Estimate { value: exact * seen.fraction, error: exact * seen.error }, shifted(passing, seen.passing))
+    }
+
+    /// τ of a pair that exchanges `exact` without occluders.
+    fn passing(&self, a: &Element, b: &Element, exact: f64) -> [f64; 3] {
+        if self.medium.is_clear() {
+            return [1.0; 3];
+        }
+        absorbed(a.corners(), b.corners(), exact, &self.medium, self.tolerance).map(|lost| (1.0 - lost / exact).clamp(0.0, 1.0))
     }
 
     /// The same without occluders.
@@ -191,6 +213,11 @@ impl<'a> Pairs<'a> {
             }
         }
     }
+}
+
+/// τ of a whole pair as that of what is seen of it.
+fn shifted(tau: [f64; 3], by: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|c| (tau[c] * by[c]).min(1.0))
 }
 
 /// Everything that blocks is an opaque polygon, and there are not too many.

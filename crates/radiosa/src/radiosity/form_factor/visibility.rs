@@ -8,7 +8,9 @@
 //! more than what is far.
 
 use crate::accel::Occluder;
+use crate::math::polygon::clip;
 use crate::math::{DVec3, Ray, Vec3};
+use crate::radiosity::medium::Medium;
 use crate::radiosity::mesh::{self, Element, ElementMesh};
 use crate::sampling::rng;
 use crate::transport::{Passage, World};
@@ -22,6 +24,7 @@ const BATCH: usize = 64;
 #[derive(Debug)]
 pub struct Visibility<'a> {
     world: &'a World,
+    medium: Medium,
     /// [`POINTS`] for each element.
     points: Vec<Vec3>,
     n: [usize; 2],
@@ -66,19 +69,19 @@ pub struct Scratch {
 
 impl<'a> Visibility<'a> {
     /// `rays` between two elements at first, `more` in all when some but not all of them are blocked: at most [`POINTS`] both.
-    pub(super) fn new(world: &'a World, mesh: &ElementMesh, [rays, more]: [usize; 2]) -> Self {
+    pub(super) fn new(world: &'a World, mesh: &ElementMesh, [rays, more]: [usize; 2], medium: Medium) -> Self {
         let mut points = Vec::with_capacity(mesh.elements().len() * POINTS);
         for (i, element) in mesh.elements().iter().enumerate() {
             let lift = element.lift();
             let of_point = |k: u32| lift.in_front(element.at(mesh::point(i as u32, k)));
             points.extend((0..POINTS as u32).map(of_point));
         }
-        Self { world, points, n: [rays.clamp(1, POINTS), more.clamp(rays.clamp(1, POINTS), POINTS)] }
+        Self { world, medium, points, n: [rays.clamp(1, POINTS), more.clamp(rays.clamp(1, POINTS), POINTS)] }
     }
 
     /// For [`Self::visible_sums`] alone.
-    pub(super) fn without_points(world: &'a World) -> Self {
-        Self { world, points: Vec::new(), n: [0; 2] }
+    pub(super) fn without_points(world: &'a World, medium: Medium) -> Self {
+        Self { world, medium, points: Vec::new(), n: [0; 2] }
     }
 
     /// Anything passes along `n` lines between two groups of elements, spread over both.
@@ -106,13 +109,13 @@ impl<'a> Visibility<'a> {
         false
     }
 
-    /// `Σ V K` and `Σ (V K)²` over pairs of points of two elements with their kernels.
+    /// `Σ V K` and `Σ (V K)²` over pairs of points of two elements with their kernels, and `Σ V K e^(−σ r) / Σ V K`.
     pub(super) fn visible_sums<'e>(
         &self,
         pairs: impl Iterator<Item = ([(&'e Element, DVec3); 2], f64)>,
         scratch: &mut Scratch,
-    ) -> [f64; 2] {
-        let mut sums = [0.0; 2];
+    ) -> ([f64; 2], [f64; 3]) {
+        let (mut sums, mut left) = ([0.0; 2], [0.0; 3]);
         let mut pairs = pairs.filter(|(_, kernel)| *kernel > 0.0 && kernel.is_finite()).peekable();
         let mut kernels = Vec::with_capacity(BATCH);
         while pairs.peek().is_some() {
@@ -124,29 +127,51 @@ impl<'a> Visibility<'a> {
                 kernels.push(kernel);
             }
             scratch.lines.trace(self.world);
-            for (kernel, passed) in kernels.iter().zip(&scratch.lines.passed) {
+            for ((kernel, passed), ray) in kernels.iter().zip(&scratch.lines.passed).zip(&scratch.lines.rays) {
                 let visible = kernel * f64::from(*passed);
                 sums[0] += visible;
                 sums[1] += visible * visible;
+                if !self.medium.is_clear() {
+                    let tau = self.medium.transmittance(f64::from(ray.dir.length()));
+                    (0..3).for_each(|c| left[c] += visible * tau[c]);
+                }
             }
         }
-        sums
+        let is_clear = self.medium.is_clear() || sums[0] <= 0.0;
+        (sums, if is_clear { [1.0; 3] } else { left.map(|left| left / sums[0]) })
     }
 
-    /// The fraction of what `i` and `j` would exchange that nothing between them takes away, and its standard deviation if rays were independent.
-    pub(super) fn fraction(&self, (i, a): (u32, &Element), (j, b): (u32, &Element), scratch: &mut Scratch) -> [f64; 2] {
+    /// What of that which `i` and `j` would exchange nothing between them takes away.
+    pub(super) fn seen(&self, (i, a): (u32, &Element), (j, b): (u32, &Element), scratch: &mut Scratch) -> Seen {
         // Every pair connects the points in another order; both sets stay well spread.
         let turn = (rng::mix(u64::from(i) << 32 | u64::from(j)) >> 32) as usize;
         let [few, many] = self.n;
         let first = self.trace((i, a), (j, b), turn, 0..few, scratch);
-        if many == few || first[0] == 0.0 || first[0] == first[1] {
-            return ratio(first);
-        }
-        let rest = self.trace((i, a), (j, b), turn, few..many, scratch);
-        ratio(std::array::from_fn(|k| first[k] + rest[k]))
+        let is_known = first.all > 0.0 && (first.seen == 0.0 || first.seen == first.all);
+        let sums = if many == few || is_known { first } else { first.plus(self.trace((i, a), (j, b), turn, few..many, scratch)) };
+        // Where only a little of them lies in front of each other, it may be that no ray says anything.
+        if sums.all > 0.0 { sums.ratio() } else { self.seen_by_middles(a, b, scratch) }
     }
 
-    /// `Σ V K`, `Σ K` and `Σ K²` over some of the rays.
+    /// One ray between the middles of what lies in front of each other.
+    fn seen_by_middles(&self, a: &Element, b: &Element, scratch: &mut Scratch) -> Seen {
+        let middle = |of: &Element, before: &Element| {
+            let mut part = Vec::with_capacity(8);
+            clip(of.corners(), before.corners()[0], before.normal, 0.0, &mut part);
+            (part.len() >= 3).then(|| of.lift().in_front(part.iter().sum::<DVec3>() / part.len() as f64))
+        };
+        let mut fraction = 0.0;
+        if let (Some(p), Some(q)) = (middle(a, b), middle(b, a)) {
+            scratch.lines.rays.clear();
+            scratch.lines.rays.push(Ray { origin: p, dir: q - p, t_max: 1.0 });
+            scratch.lines.trace(self.world);
+            fraction = f64::from(scratch.lines.passed[0]);
+        }
+        // (One ray says little.)
+        Seen { fraction, error: 0.5, passing: [1.0; 3] }
+    }
+
+    /// Sums over some of the rays.
     fn trace(
         &self,
         (i, a): (u32, &Element),
@@ -154,13 +179,14 @@ impl<'a> Visibility<'a> {
         turn: usize,
         which: std::ops::Range<usize>,
         scratch: &mut Scratch,
-    ) -> [f64; 3] {
+    ) -> Sums {
         let (from, to) = (self.of(i), self.of(j));
         let (na, nb) = (a.normal.as_vec3(), b.normal.as_vec3());
         scratch.lines.rays.clear();
         scratch.kernel.clear();
         // Within a power of two, so that the first few points meet the first few.
-        let mut covered = 0.0;
+        let mut sums = Sums::default();
+        let tau = |d: Vec3| self.medium.transmittance(f64::from(d.length()));
         let mask = self.n[0].next_power_of_two() - 1;
         for k in which {
             let l = k ^ (turn & mask);
@@ -169,21 +195,29 @@ impl<'a> Visibility<'a> {
             let r2 = d.length_squared();
             let kernel = na.dot(d).max(0.0) * (-nb.dot(d)).max(0.0) / (r2 * r2);
             if !(a.exposes(k) && b.exposes(l)) {
-                covered += f64::from(if kernel.is_finite() { kernel } else { 0.0 });
+                let kernel = f64::from(if kernel.is_finite() { kernel } else { 0.0 });
+                sums.all += kernel;
+                if !self.medium.is_clear() {
+                    add(&mut sums.all_left, kernel, tau(d));
+                }
             } else if kernel > 0.0 && kernel.is_finite() {
                 scratch.lines.rays.push(Ray { origin: p, dir: d, t_max: 1.0 });
                 scratch.kernel.push(kernel);
             }
         }
         scratch.lines.trace(self.world);
-        let mut sum = [0.0, covered, 0.0];
-        for (kernel, passed) in scratch.kernel.iter().zip(&scratch.lines.passed) {
-            let kernel = f64::from(*kernel);
-            sum[0] += kernel * f64::from(*passed);
-            sum[1] += kernel;
-            sum[2] += kernel * kernel;
+        for ((kernel, passed), ray) in scratch.kernel.iter().zip(&scratch.lines.passed).zip(&scratch.lines.rays) {
+            let (kernel, passed) = (f64::from(*kernel), f64::from(*passed));
+            sums.seen += kernel * passed;
+            sums.all += kernel;
+            sums.squares += kernel * kernel;
+            if !self.medium.is_clear() {
+                let tau = tau(ray.dir);
+                add(&mut sums.all_left, kernel, tau);
+                add(&mut sums.seen_left, kernel * passed, tau);
+            }
         }
-        sum
+        sums
     }
 
     /// Points in front of an element.
@@ -192,11 +226,56 @@ impl<'a> Visibility<'a> {
     }
 }
 
-/// `p = Σ V K / Σ K` and `√(p (1 − p) Σ K²) / Σ K`.
-fn ratio([seen, all, squares]: [f64; 3]) -> [f64; 2] {
-    if all <= 0.0 {
-        return [0.0; 2];
+/// How much two elements see of each other.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    /// `p = Σ V K / Σ K`.
+    pub(super) fraction: f64,
+    /// `√(p (1 − p) Σ K²) / Σ K`: its standard deviation if rays were independent.
+    pub(super) error: f64,
+    /// How much more of what is seen a medium lets through than of all: `(Σ V K τ / Σ V K) / (Σ K τ / Σ K)`.
+    pub(super) passing: [f64; 3],
+}
+
+/// Sums over rays between two elements.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    /// `Σ V K`, `Σ K` and `Σ K²`.
+    seen: f64,
+    all: f64,
+    squares: f64,
+    /// The first two with the transmittance of the medium, where it is not clear.
+    seen_left: [f64; 3],
+    all_left: [f64; 3],
+}
+
+impl Sums {
+    fn plus(self, other: Self) -> Self {
+        let plus = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|c| a[c] + b[c]);
+        Self {
+            seen: self.seen + other.seen,
+            all: self.all + other.all,
+            squares: self.squares + other.squares,
+            seen_left: plus(self.seen_left, other.seen_left),
+            all_left: plus(self.all_left, other.all_left),
+        }
     }
-    let p = seen / all;
-    [p, (p * (1.0 - p).max(0.0) * squares).sqrt() / all]
+
+    /// Of rays some of which count.
+    fn ratio(self) -> Seen {
+        let p = self.seen / self.all;
+        let passing = |c: usize| {
+            let [seen, all] = [self.seen_left[c], p * self.all_left[c]];
+            if all > 0.0 { seen / all } else { 1.0 }
+        };
+        Seen {
+            fraction: p,
+            error: (p * (1.0 - p).max(0.0) * self.squares).sqrt() / self.all,
+            passing: std::array::from_fn(passing),
+        }
+    }
+}
+
+fn add(sum: &mut [f64; 3], kernel: f64, tau: [f64; 3]) {
+    (0..3).for_each(|c| sum[c] += kernel * tau[c]);
 }

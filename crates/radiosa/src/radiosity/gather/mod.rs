@@ -1,7 +1,7 @@
 //! The irradiance at a point from a finished solution: one more gathering step, without elements at the receiving end.
 //!
 //! ```text
-//! E(p) = D(p) + Σ_j B_j F_{dp→j} · Σ V K / Σ K
+//! E(p) = D(p) + Σ_j B_j F_{dp→j} · Σ V K τ / Σ K
 //! ```
 //!
 //! Where an element looks large, it is cut into pieces with radiosities interpolated between its corners: what is close must not be seen in steps.
@@ -62,6 +62,8 @@ struct Piece {
     radiosity: [f64; 3],
     /// The part of it that nothing hides.
     seen: f64,
+    /// The part of its light that arrives, by channel: less where there is a medium.
+    arriving: [f64; 3],
     /// Rays that told so.
     n_rays: u32,
 }
@@ -85,7 +87,7 @@ impl Scratch {
     fn arriving(&self) -> Spectrum {
         let mut sum = [0.0; 3];
         for piece in &self.pieces {
-            (0..3).for_each(|c| sum[c] += piece.radiosity[c] * piece.factor * piece.seen);
+            (0..3).for_each(|c| sum[c] += piece.radiosity[c] * piece.factor * piece.arriving[c]);
         }
         Spectrum::from(sum.map(|s| s as f32))
     }
@@ -107,7 +109,8 @@ impl<'a> Gather<'a> {
         };
         let bounds = solution.mesh.elements().iter().map(bound).collect();
         let corners = display::corner_values(world, &solution.mesh, &solution.irradiance);
-        Self { world, solution, direct: DirectLight::new(world, extra_lights, seed), bounds, corners, near: None, seed }
+        let direct = DirectLight::new(world, extra_lights, seed).within(solution.system.medium);
+        Self { world, solution, direct, bounds, corners, near: None, seed }
     }
 
     /// Looks closely at what is near sensors: at the edges of shadows within elements, and at elements that give much of what arrives. It costs as much
@@ -160,7 +163,15 @@ impl<'a> Gather<'a> {
         if factor <= 0.0 {
             return None;
         }
-        scratch.pieces.push(Piece { element: j as u32, place: [0.0, 0.0, 1.0], factor, radiosity: b, seen: 0.0, n_rays: 0 });
+        scratch.pieces.push(Piece {
+            element: j as u32,
+            place: [0.0, 0.0, 1.0],
+            factor,
+            radiosity: b,
+            seen: 0.0,
+            arriving: [0.0; 3],
+            n_rays: 0,
+        });
         Some(factor)
     }
 
@@ -171,8 +182,8 @@ impl<'a> Gather<'a> {
         for k in 0..scratch.pieces.len() {
             let piece = scratch.pieces[k];
             let n_rays = if total > 0.0 { (rays * weight(&piece) / total).ceil().clamp(1.0, RAYS[1]) as u32 } else { 1 };
-            let seen = self.visible(start, normal, &piece, n_rays, rng::mix(key ^ k as u64), scratch);
-            scratch.pieces[k] = Piece { seen, n_rays, ..piece };
+            let (seen, arriving) = self.visible(start, normal, &piece, n_rays, rng::mix(key ^ k as u64), scratch);
+            scratch.pieces[k] = Piece { seen, arriving, n_rays, ..piece };
         }
     }
 
@@ -200,12 +211,20 @@ impl<'a> Gather<'a> {
             if scratch.reflected_only {
                 (0..3).for_each(|c| radiosity[c] -= self.solution.system.emission[j][c]);
             }
-            scratch.pieces.push(Piece { element: j as u32, place: [s, t, side], factor, radiosity, seen: 0.0, n_rays: 0 });
+            scratch.pieces.push(Piece {
+                element: j as u32,
+                place: [s, t, side],
+                factor,
+                radiosity,
+                seen: 0.0,
+                arriving: [0.0; 3],
+                n_rays: 0,
+            });
         }
     }
 
-    /// `Σ V K / Σ K` over rays from a point to a piece of an element.
-    fn visible(&self, from: Vec3, normal: DVec3, piece: &Piece, n_rays: u32, key: u64, scratch: &mut Scratch) -> f64 {
+    /// `Σ V K / Σ K` over rays from a point to a piece of an element, and the same with what a medium lets through, by channel.
+    fn visible(&self, from: Vec3, normal: DVec3, piece: &Piece, n_rays: u32, key: u64, scratch: &mut Scratch) -> (f64, [f64; 3]) {
         let element = &self.solution.mesh.elements()[piece.element as usize];
         let (en, lift) = (element.normal.as_vec3(), element.lift());
         scratch.lines.rays.clear();
@@ -233,11 +252,20 @@ impl<'a> Gather<'a> {
         }
         scratch.lines.trace(self.world);
         let (mut seen, mut all) = (0.0, 0.0);
-        for (kernel, passed) in scratch.kernel.iter().zip(&scratch.lines.passed) {
-            seen += kernel * f64::from(*passed);
+        let (medium, mut arriving) = (&self.solution.system.medium, [0.0; 3]);
+        for ((kernel, passed), ray) in scratch.kernel.iter().zip(&scratch.lines.passed).zip(&scratch.lines.rays) {
+            let visible = kernel * f64::from(*passed);
+            seen += visible;
             all += kernel;
+            if !medium.is_clear() {
+                let tau = medium.transmittance(f64::from(ray.dir.length()));
+                (0..3).for_each(|c| arriving[c] += visible * tau[c]);
+            }
         }
-        if all > 0.0 { seen / all } else { 0.0 }
+        if all <= 0.0 {
+            return (0.0, [0.0; 3]);
+        }
+        (seen / all, if medium.is_clear() { [seen / all; 3] } else { arriving.map(|a| a / all) })
     }
 }
 

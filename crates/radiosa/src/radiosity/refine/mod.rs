@@ -11,7 +11,6 @@
 
 use rayon::prelude::*;
 
-use super::direct::DirectLight;
 use super::gather::{Gather, Scratch};
 use super::mesh::{Element, ElementMesh};
 use super::solution::{Settings as Solve, Solution};
@@ -43,7 +42,7 @@ pub fn next(world: &World, solution: &Solution, settings: &Solve) -> Option<Elem
         return None;
     }
     let marked = marked(world, solution, settings);
-    let direct = DirectLight::new(world, &settings.extra_lights, settings.seed);
+    let direct = settings.direct(world);
     marked.contains(&true).then(|| solution.mesh.refined(world, &direct, &marked))
 }
 

@@ -15,14 +15,16 @@
 //! - An element that gets less than one ray gets one with that probability, and it carries what it would have carried: right on average. Else its rays carry its power, exactly.
 //! - What lies behind a transparent surface is reached by rays that pass it, with the probability that it lets light through. As in rows of form factors, which then
 //!   sum to more than one, what is met behind counts beside the surface; what passed is not absorbed by it.
+//! - In an absorbing medium a ray brings what is left of its power after its length.
 
 use std::io;
 
 use rayon::prelude::*;
 
+use super::super::medium::Medium;
 use super::super::mesh::{self, Element, ElementMesh, Lift};
 use super::super::stream::{In, Out};
-use super::super::system::{System, Unknowns};
+use super::super::system::{Sums, System, Unknowns};
 use super::pools::Pools;
 use crate::math::{DVec3, Frame, Ray, Vec2};
 use crate::sampling::{rng, sequence, warp};
@@ -62,6 +64,7 @@ struct Pooled {
     /// `E + ρ D`.
     initial: Vec<[f64; 3]>,
     direct: Vec<[f64; 3]>,
+    medium: Medium,
 }
 
 impl Pooled {
@@ -72,6 +75,7 @@ impl Pooled {
             reflectance: pools.means(&system.area, |i| system.reflectance[i]),
             initial: pools.means(&system.area, |i| system.initial(i)),
             direct: pools.means(&system.area, |i| system.direct[i]),
+            medium: system.medium,
         }
     }
 }
@@ -107,6 +111,8 @@ pub struct Stochastic {
     escaped: [[f64; 3]; 2],
     /// The same of power that passed transparent surfaces, once for each.
     passed: [[f64; 3]; 2],
+    /// Power that the medium absorbed, likewise.
+    in_medium: [[f64; 3]; 2],
     /// Rays that carried light.
     pub n_rays: u64,
 }
@@ -137,6 +143,7 @@ impl Stochastic {
             escaped_rays: vec![0; n],
             escaped: [[0.0; 3]; 2],
             passed: [[0.0; 3]; 2],
+            in_medium: [[0.0; 3]; 2],
             n_rays: 0,
         };
         stochastic.begin(&pooled);
@@ -155,7 +162,8 @@ impl Stochastic {
         }
         out.array(&self.escaped_rays)?;
         out.array(&self.escaped)?;
-        out.array(&self.passed)
+        out.array(&self.passed)?;
+        out.array(&self.in_medium)
     }
 
     /// Goes on where [`Self::store`] was called, by the same system, settings and seed.
@@ -172,6 +180,7 @@ impl Stochastic {
         self.escaped_rays = from.array(n)?;
         self.escaped.copy_from_slice(&from.array(2)?);
         self.passed.copy_from_slice(&from.array(2)?);
+        self.in_medium.copy_from_slice(&from.array(2)?);
         self.find_active();
         Ok(())
     }
@@ -180,7 +189,9 @@ impl Stochastic {
     fn begin(&mut self, pooled: &Pooled) {
         self.irradiance.fill([0.0; 3]);
         self.unshot.copy_from_slice(&pooled.initial);
-        (self.escaped[0], self.passed[0]) = ([0.0; 3], [0.0; 3]);
+        for [now, _] in [&mut self.escaped, &mut self.passed, &mut self.in_medium] {
+            *now = [0.0; 3];
+        }
         self.find_active();
     }
 
@@ -195,7 +206,7 @@ impl Stochastic {
 
     /// Iterations with about a ray for every element together, or to the end of the round: the last ones of a round have few rays. The unknowns become the mean of
     /// the finished rounds, or what is known of the first.
-    pub fn step(&mut self, world: &World, mesh: &ElementMesh, system: &System, unknowns: &mut Unknowns, row_sums: &mut [f64]) {
+    pub fn step(&mut self, world: &World, mesh: &ElementMesh, system: &System, unknowns: &mut Unknowns, sums: &mut Sums) {
         let pooled = std::mem::take(&mut self.pooled);
         let mut sent = 0;
         loop {
@@ -211,7 +222,7 @@ impl Stochastic {
             }
         }
         self.pooled = pooled;
-        self.read(system, unknowns, row_sums);
+        self.read(system, unknowns, sums);
     }
 
     /// One iteration; the number of its rays. What it takes depends on who has anything to send, and on what is met.
@@ -232,27 +243,38 @@ impl Stochastic {
         let mut touched = Vec::new();
         let pieces: Vec<u64> = (0..total.div_ceil(PIECE)).collect();
         for pieces in pieces.chunks(PIECES) {
-            let met: Vec<Vec<[u32; 2]>> = pieces
+            let met: Vec<Vec<([u32; 2], f32)>> = pieces
                 .par_iter()
                 .map(|piece| self.trace(world, mesh, (&active, &starts), piece * PIECE..((piece + 1) * PIECE).min(total)))
                 .collect();
-            for [from, to] in met.into_iter().flatten() {
+            for ([from, to], distance) in met.into_iter().flatten() {
                 let carried = power[from as usize];
                 if to >= OUT {
                     self.escaped_rays[active[from as usize] as usize] += i64::from(to == NOTHING) - i64::from(to == AGAIN);
-                    let add = |sum: &mut [f64; 3]| (0..3).for_each(|c| sum[c] += carried[c]);
-                    if to != AGAIN {
-                        add(&mut self.escaped[0]);
-                    }
-                    if to != NOTHING {
-                        add(&mut self.passed[0]);
+                    // What leaves the scene has left the medium; what passes a surface has come as far as that.
+                    let tau = if to == NOTHING { [1.0; 3] } else { system.medium.transmittance(f64::from(distance)) };
+                    for c in 0..3 {
+                        let power = carried[c] * tau[c];
+                        if to != AGAIN {
+                            self.escaped[0][c] += power;
+                        } else {
+                            // It goes on to where its whole way counts.
+                            self.in_medium[0][c] -= carried[c] - power;
+                        }
+                        if to != NOTHING {
+                            self.passed[0][c] += power;
+                        }
                     }
                 } else {
                     let sum = &mut self.arriving[to as usize];
                     if *sum == [0.0; 3] {
                         touched.push(to);
                     }
-                    (0..3).for_each(|c| sum[c] += carried[c]);
+                    let tau = system.medium.transmittance(f64::from(distance));
+                    for c in 0..3 {
+                        sum[c] += carried[c] * tau[c];
+                        self.in_medium[0][c] += carried[c] * (1.0 - tau[c]);
+                    }
                 }
             }
         }
@@ -289,14 +311,14 @@ impl Stochastic {
         rays.collect()
     }
 
-    /// Traces rays of a range: the place in `active` of the element each starts from, and the element it meets, in order.
+    /// Traces rays of a range: the place in `active` of the element each starts from, the element it meets and how far away, in order.
     fn trace(
         &self,
         world: &World,
         mesh: &ElementMesh,
         (active, starts): (&[u32], &[u64]),
         range: std::ops::Range<u64>,
-    ) -> Vec<[u32; 2]> {
+    ) -> Vec<([u32; 2], f32)> {
         let mut met = Vec::with_capacity((range.end - range.start) as usize);
         let mut at = starts.partition_point(|&s| s <= range.start) - 1;
         let source = |at: usize| Source::new(mesh, &self.pools, active[at] as usize, self.seed);
@@ -309,9 +331,9 @@ impl Stochastic {
                 element = source(at);
             }
             let sample = self.used[active[at] as usize].wrapping_add((k - starts[at]) as u32);
-            follow(world, mesh, element.ray(sample), rng::key(&[element.key, u64::from(sample)]), |to| {
+            follow(world, mesh, element.ray(sample), rng::key(&[element.key, u64::from(sample)]), |to, distance| {
                 let pool = if to < OUT { self.pools.of_element(to as usize) } else { to };
-                met.push([at as u32, pool]);
+                met.push(([at as u32, pool], distance));
             });
         }
         met
@@ -327,17 +349,17 @@ impl Stochastic {
                 self.left[i][c] += self.unshot[i][c];
             }
         }
-        for [now, all] in [&mut self.escaped, &mut self.passed] {
+        for [now, all] in [&mut self.escaped, &mut self.passed, &mut self.in_medium] {
             (0..3).for_each(|c| all[c] += now[c]);
         }
         self.begin(pooled);
     }
 
-    fn read(&self, system: &System, unknowns: &mut Unknowns, row_sums: &mut [f64]) {
+    fn read(&self, system: &System, unknowns: &mut Unknowns, sums: &mut Sums) {
         let of = |sum: [f64; 3], now: [f64; 3]| {
             if self.rounds > 0 { sum.map(|s| s / f64::from(self.rounds)) } else { now }
         };
-        for (i, row_sum) in row_sums.iter_mut().enumerate() {
+        for (i, row_sum) in sums.met.iter_mut().enumerate() {
             let p = self.pools.of_element(i) as usize;
             let indirect = of(self.sum[p], self.irradiance[p]);
             let h: [f64; 3] = std::array::from_fn(|c| system.direct[i][c] + indirect[c]);
@@ -356,6 +378,11 @@ impl Stochastic {
     /// Power that left the scene, by the rays that carried it.
     pub fn escaped(&self) -> [f64; 3] {
         self.mean(self.escaped)
+    }
+
+    /// Power that the medium absorbed, likewise.
+    pub fn in_medium(&self) -> [f64; 3] {
+        self.mean(self.in_medium)
     }
 
     /// Power that passed transparent surfaces, by the rays that carried it, once for each surface.
@@ -484,17 +511,19 @@ fn linear(u: f64, a: f64, b: f64) -> f64 {
 }
 
 /// What a ray meets first, and what lies behind that where it is transparent, as far as chance lets it go.
-fn follow(world: &World, mesh: &ElementMesh, mut ray: Ray, key: u64, mut meet: impl FnMut(u32)) {
-    let mut has_met = false;
+fn follow(world: &World, mesh: &ElementMesh, mut ray: Ray, key: u64, mut meet: impl FnMut(u32, f32)) {
+    // How far it has come, and where it met the last element.
+    let (mut distance, mut last) = (0.0, None);
     for layer in 0..MAX_LAYERS {
         let Some((hit, surface)) = world.closest_visible(&ray) else { break };
+        distance += hit.t;
         let element = mesh.element_at(&hit, surface.p, ray.dir);
         if let Some(element) = element {
-            meet(element);
-            if has_met {
-                meet(AGAIN);
+            meet(element, distance);
+            if let Some(last) = last {
+                meet(AGAIN, last);
             }
-            has_met = true;
+            last = Some(distance);
         }
         let passes = || {
             let shading = world.shading(&surface, -ray.dir);
@@ -511,7 +540,10 @@ fn follow(world: &World, mesh: &ElementMesh, mut ray: Ray, key: u64, mut meet: i
         ray = surface.ray(ray.dir);
     }
     // On no element: out of the scene, or on a side that takes no part.
-    meet(if has_met { OUT } else { NOTHING });
+    match last {
+        Some(last) => meet(OUT, last),
+        None => meet(NOTHING, distance),
+    }
 }
 
 #[cfg(test)]
