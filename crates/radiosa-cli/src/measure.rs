@@ -176,6 +176,9 @@ fn sensors(args: &Measure, world: &World) -> Result<(Vec<Sensor>, Option<Grid>),
     }
 }
 
+/// Sensors up to which each looks closely at what is near.
+const DETAILED: usize = 256;
+
 fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec<Reading>, Error> {
     let settings = solve::settings(&args.radiosity, args.seed, &[]);
     let bar = Progress::new("solve", solve::UNIT, args.work.quiet);
@@ -185,6 +188,7 @@ fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec
         tell(&format!("warning[unfinished]: {:.1} % of the light is solved for", done * 100.0));
     }
     let gather = gather::Gather::new(world, &solution, &[], args.seed);
+    let gather = if sensors.len() <= DETAILED { gather.with_details() } else { gather };
     let sensors = sensors.par_iter().enumerate();
     let at = |scratch: &mut gather::Scratch, (k, sensor): (usize, &Sensor)| {
         let (surface, n) = sensor.place(world);

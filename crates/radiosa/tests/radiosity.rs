@@ -1,10 +1,14 @@
 //! Radiosity against closed environments and references.
 
 use radiosa::math::{CpuPath, DAffine3, DVec3, Ray, Vec3};
+use radiosa::radiosity::form_factor::analytic;
+use radiosa::radiosity::solve::{Solver as Method, shooting, stochastic};
 use radiosa::radiosity::{self, gather, mesh};
-use radiosa::scene::{Geometry, Instance, Material, MaterialId, Mesh, MeshId, Polygons, Scene};
+use radiosa::scene::{
+    AlphaMode, Geometry, Instance, Light, LightKind, Material, MaterialId, Mesh, MeshId, PhotometricUnit, Polygons, Scene,
+};
 use radiosa::spectrum::Spectrum;
-use radiosa::transport::World;
+use radiosa::transport::{Surface, World};
 use serde_json::Value;
 
 #[test]
@@ -208,4 +212,156 @@ fn elements_cut_along_contact_lines_cover_their_patches_once() {
             cut = cut.refined(&world, direct, &marked);
         }
     }
+}
+
+/// A sun straight above a floor of 1 × 1 m with a wall at x = 0, and a black plate far up that shades the floor up to x = `edge`.
+fn shaded_floor([floor, wall]: [f32; 2], edge: f64) -> World {
+    let mut scene = Scene::new("shaded floor");
+    scene.materials = [floor, wall, 0.0].map(|rho| Material::lambert("grey", Spectrum::gray(rho))).to_vec();
+    let v = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
+    let quads = [
+        ([v(0.0, 0.0, 0.0), v(0.0, 0.0, 1.0), v(1.0, 0.0, 1.0), v(1.0, 0.0, 0.0)], 0),
+        ([v(0.0, 0.0, 0.0), v(0.0, 1.0, 0.0), v(0.0, 1.0, 1.0), v(0.0, 0.0, 1.0)], 1),
+        ([v(-1.0, 9.0, -1.0), v(edge, 9.0, -1.0), v(edge, 9.0, 2.0), v(-1.0, 9.0, 2.0)], 2),
+    ];
+    let faces: Vec<_> = quads.iter().enumerate().map(|(k, q)| (std::array::from_fn(|i| (4 * k + i) as u32), q.1)).collect();
+    add_quads(&mut scene, quads.iter().flat_map(|q| q.0).collect(), &faces);
+    let kind = LightKind::Distant { to_light: DVec3::Y, unit: PhotometricUnit::Physical };
+    scene.lights.push(Light::new("sun", Spectrum::WHITE, kind));
+    World::prepare(scene, CpuPath::detect()).expect("it is valid")
+}
+
+/// What sensors gather in the world of [`shaded_floor`] over elements of `size`: with details, and without.
+fn gathered(world: &World, sensors: &[(DVec3, Vec3)], size: f64) -> [Vec<f64>; 2] {
+    let mesh = mesh::Settings { size: Some(size), ..Default::default() };
+    let solution = radiosity::solve(world, &radiosity::Settings { mesh, ..Default::default() });
+    [true, false].map(|has_details| {
+        let gather = gather::Gather::new(world, &solution, &[], 0);
+        let gather = if has_details { gather.with_details() } else { gather };
+        let of = |(k, (p, n)): (usize, &(DVec3, Vec3))| {
+            let surface = Surface::in_space((*p - world.origin()).as_vec3(), Vec3::splat(1e-6), *n);
+            f64::from(gather.at(&surface, *n, k as u64, &mut gather::Scratch::default()).irradiance.g)
+        };
+        sensors.iter().enumerate().map(of).collect()
+    })
+}
+
+#[test]
+fn sensors_see_the_edges_of_shadows_within_elements() {
+    // The edge halves elements.
+    let (rho, edge) = (0.5, 0.25);
+    let world = shaded_floor([rho, 0.0], edge);
+    let sensors: Vec<_> = (0..8).map(|k| (DVec3::new(0.05 + 0.05 * f64::from(k), 0.1, 0.5), Vec3::NEG_Y)).collect();
+    let lit = [[edge, 0.0], [edge, 1.0], [1.0, 1.0], [1.0, 0.0]].map(|[x, z]| DVec3::new(x, 0.0, z));
+    let seen = |p: DVec3, n: DVec3| analytic::point_to_polygon(p, n, &lit, &mut Vec::new());
+    let off = gathered(&world, &sensors, 0.5).map(|values| {
+        let each = sensors.iter().zip(values).map(|((p, _), e)| (e - f64::from(rho) * seen(*p, DVec3::NEG_Y)).abs());
+        each.fold(0.0, f64::max) / f64::from(rho)
+    });
+    println!("looking down: off by {off:?} of what the lit floor sends");
+    assert!(off[0] < 0.06, "{off:?}");
+    assert!(off[1] > 0.2, "the twin without details: {off:?}");
+
+    // The wall takes its light from the floor alone: sensors that look up at its foot see the shadow there.
+    let (rho, edge) = ([0.5, 0.01], 0.3125);
+    let world = shaded_floor(rho, edge);
+    let lit = [[edge, 0.0], [edge, 1.0], [1.0, 1.0], [1.0, 0.0]].map(|[x, z]| DVec3::new(x, 0.0, z));
+    let sensors: Vec<_> = [0.04, 0.08, 0.12].map(|x| (DVec3::new(x, 0.01, 0.5), Vec3::Y)).to_vec();
+    let truth = |p: DVec3| {
+        const N: u32 = 200;
+        // Graded towards the sensor: y = t², where the kernel is large.
+        let strips = (0..N * N).map(|k| {
+            let [t, z] = [k % N, k / N].map(|i| (f64::from(i) + 0.5) / f64::from(N));
+            let q = DVec3::new(0.0, t * t, z);
+            let d = q - p;
+            let kernel = d.y.max(0.0) * d.x.abs() / (d.length_squared().powi(2) * std::f64::consts::PI);
+            let lit = analytic::point_to_polygon(q, DVec3::X, &lit, &mut Vec::new());
+            kernel * f64::from(rho[0] * rho[1]) * lit * 2.0 * t / f64::from(N * N)
+        });
+        strips.sum::<f64>()
+    };
+    let off = gathered(&world, &sensors, 0.25).map(|values| {
+        let each = sensors.iter().zip(values).map(|((p, _), e)| (e / truth(*p) - 1.0).abs());
+        each.fold(0.0, f64::max)
+    });
+    println!("looking up at the wall: off by {off:?}");
+    assert!(off[0] < 0.15, "{off:?}");
+    assert!(off[1] > 0.3, "the twin without details: {off:?}");
+}
+
+/// Covers a part of what lies behind.
+fn pane(coverage: f32, reflectance: f32, emission: f32) -> Material {
+    let mut material = furnace(reflectance, emission);
+    (material.alpha.mode, material.alpha.value.factor) = (AlphaMode::Blend, coverage);
+    material.two_sided = true;
+    material
+}
+
+/// Balances by every kind of solver: absorbed and escaped by what is emitted.
+fn balances(scene: &Scene) -> Vec<(radiosity::Solution, [f64; 2])> {
+    let world = World::prepare(scene.clone(), CpuPath::detect()).expect("it is valid");
+    let rays = stochastic::Settings { rays: 100_000, rounds: 4 };
+    let methods = [Method::GaussSeidel, Method::Shooting(shooting::Settings::default()), Method::Stochastic(rays)];
+    let of = |solver| {
+        let mesh = mesh::Settings { size: Some(0.26), ..Default::default() };
+        let solution = radiosity::solve(&world, &radiosity::Settings { mesh, solver, ..Default::default() });
+        let most = if matches!(solver, Method::Stochastic(_)) { 1e-3 } else { 1e-6 };
+        assert!(solution.balance.error() < most, "{:?}", solution.balance);
+        let b = solution.balance;
+        let parts = [b.absorbed[0] / b.emitted[0], b.escaped[0] / b.emitted[0]];
+        println!("absorbed, escaped {parts:?}");
+        (solution, parts)
+    };
+    methods.into_iter().map(of).collect()
+}
+
+#[test]
+fn what_passes_a_pane_is_not_absorbed_by_it() {
+    let unit = |y: f64| [[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]].map(|[x, z]| DVec3::new(x, y, z)).to_vec();
+    // A furnace with a pane that covers half of what is behind it, one too: B = 1 on walls, and one half on either side of the pane. Nothing escapes.
+    let mut scene = Scene::new("furnace with a pane");
+    scene.materials = vec![furnace(0.5, 0.5), pane(0.5, 0.5, 0.5)];
+    add_quads(&mut scene, corners_of_box([0.0; 3], [1.0; 3]), &FACES.map(|face| (inwards(face), 0)));
+    add_quads(&mut scene, unit(0.5), &[([0, 1, 2, 3], 1)]);
+    for (solution, [absorbed, escaped]) in balances(&scene) {
+        for (element, b) in solution.mesh.elements().iter().zip(&solution.radiosity) {
+            let is_pane = solution.mesh.patches()[element.patch as usize].material == Some(MaterialId(1));
+            let truth = if is_pane { 0.5 } else { 1.0 };
+            assert!((b[0] - truth).abs() < 0.05, "{b:?}, not {truth}");
+        }
+        assert!(escaped.abs() < 3e-3 && (absorbed - 1.0).abs() < 3e-3, "absorbed {absorbed}, escaped {escaped}");
+        twin(&solution, escaped, 0.25);
+    }
+    // A black box with a window that takes a quarter: of 5 of 6 sides, which emit one each, the window gets 1.
+    let mut scene = Scene::new("window");
+    scene.materials = vec![furnace(0.0, 1.0), pane(0.25, 0.0, 0.0)];
+    add_quads(
+        &mut scene,
+        corners_of_box([0.0; 3], [1.0; 3]),
+        &std::array::from_fn::<_, 6, _>(|f| (inwards(FACES[f]), u32::from(f == 3))),
+    );
+    for (solution, [absorbed, escaped]) in balances(&scene) {
+        assert!((escaped - 0.15).abs() < 1e-3 && (absorbed - 0.85).abs() < 1e-3, "absorbed {absorbed}, escaped {escaped}");
+        twin(&solution, escaped, 0.1);
+    }
+    // The sun through it: what the window and the floor below absorb, and no more.
+    let mut scene = Scene::new("pane in the sun");
+    scene.materials = vec![furnace(0.0, 0.0), pane(0.25, 0.0, 0.0)];
+    add_quads(&mut scene, unit(0.0), &[([0, 1, 2, 3], 0)]);
+    add_quads(&mut scene, unit(0.5), &[([0, 1, 2, 3], 1)]);
+    let kind = LightKind::Distant { to_light: DVec3::Y, unit: PhotometricUnit::Physical };
+    scene.lights.push(Light::new("sun", Spectrum::WHITE, kind));
+    for (solution, [absorbed, escaped]) in balances(&scene) {
+        let emitted = solution.balance.emitted[0];
+        assert!((emitted - 1.0).abs() < 1e-3 && (absorbed - 1.0).abs() < 1e-3 && escaped.abs() < 1e-3, "{:?}", solution.balance);
+    }
+}
+
+/// The twin: without transmittances what passed is taken off what escapes.
+fn twin(solution: &radiosity::Solution, escaped: f64, least: f64) {
+    let radiosity::Solution { row_sums, irradiance, radiosity, unshot, .. } = solution;
+    let system = radiosity::system::System { transmittance: Vec::new(), ..solution.system.clone() };
+    let balance = system.balance(row_sums, irradiance, radiosity, unshot);
+    let off = (balance.escaped[0] / balance.emitted[0] - escaped).abs();
+    assert!(off > least, "the twin is off by {off}");
 }

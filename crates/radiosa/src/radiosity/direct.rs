@@ -119,12 +119,17 @@ impl<'a> DirectLight<'a> {
 
     /// The irradiance at a point, seen from the side of `n` (unit); `key` names the sensor.
     pub fn at(&self, surface: &Surface, n: Vec3, key: u64) -> Spectrum {
-        let mut sum = if self.has_lights { self.of_lamps(surface, n) } else { Spectrum::BLACK };
-        if self.has_sky() {
-            let rays = 4 * SKY_RAYS;
-            sum += (0..rays).map(|k| self.of_sky(surface, n, k, key)).sum::<Spectrum>() * (1.0 / rays as f32);
+        let lamps = if self.has_lights { self.of_lamps(surface, n) } else { Spectrum::BLACK };
+        lamps + self.of_skies(surface, n, key)
+    }
+
+    /// The part of [`Self::at`] that comes from skies.
+    pub fn of_skies(&self, surface: &Surface, n: Vec3, key: u64) -> Spectrum {
+        if !self.has_sky() {
+            return Spectrum::BLACK;
         }
-        sum
+        let rays = 4 * SKY_RAYS;
+        (0..rays).map(|k| self.of_sky(surface, n, k, key)).sum::<Spectrum>() * (1.0 / rays as f32)
     }
 
     /// Some light with a place or a direction sees a point on the side of `n` (unit).

@@ -9,6 +9,7 @@ use super::medium::Medium;
 use super::mesh::{self, Blocks, ElementMesh};
 use super::refine;
 use super::solve::gathering::{self, Sweep};
+use super::solve::pools::Pools;
 use super::solve::shooting::Shooting;
 use super::solve::stochastic::Stochastic;
 use super::solve::{History, Record, Solver as Method, Stop};
@@ -91,13 +92,15 @@ pub fn system(world: &World, mesh: &ElementMesh, direct: &DirectLight) -> System
         emission: matter.iter().map(|m| rgb(m.emission)).collect(),
         direct: all,
         lamps: if direct.has_lamps() { lamps } else { Vec::new() },
+        transmittance: if world.has_transparency() { matter.iter().map(|m| rgb(m.transmittance)).collect() } else { Vec::new() },
         medium: direct.medium(),
     };
     // Slivers of no area have no normal, and nothing that depends on one.
     for (i, element) in mesh.elements().iter().enumerate() {
         let values = [&mut system.reflectance[i], &mut system.emission[i], &mut system.direct[i]];
         if !element.normal.is_finite() || values.iter().any(|v| v.iter().any(|v| !v.is_finite())) {
-            values.into_iter().chain(system.lamps.get_mut(i)).for_each(|v| *v = [0.0; 3]);
+            let more = [&mut system.lamps, &mut system.transmittance].map(|column| column.get_mut(i));
+            values.into_iter().chain(more.into_iter().flatten()).for_each(|v| *v = [0.0; 3]);
         }
     }
     system
@@ -193,7 +196,9 @@ impl Progress {
                 let blocks = division.with_blocks.as_ref().map(|(_, blocks)| blocks.clone());
                 Self::Shooting(Shooting::new(settings, blocks.unwrap_or_else(|| Blocks::single(system.n()))))
             }
-            Method::Stochastic(of) => Self::Stochastic(Box::new(Stochastic::new(system, of, settings.seed))),
+            Method::Stochastic(of) => {
+                Self::Stochastic(Box::new(Stochastic::new(system, Pools::new(&division.mesh), of, settings.seed)))
+            }
         }
     }
 }
@@ -303,7 +308,9 @@ impl<'a> Radiosity<'a> {
             parts.extend(factors.part(of.start as u32..of.end as u32));
             return Some(pairs_of(of.end, n) as f64 / pairs_of(n, n).max(1) as f64);
         }
-        let matrix = factors.assemble(parts);
+        let mut matrix = factors.assemble(parts);
+        let tau = &self.solution.system.transmittance;
+        matrix.limit(&|j| tau.get(j).map_or(0.0, |t| (t[0] + t[1] + t[2]) / 3.0));
         self.solution.sums = Sums::of(&matrix);
         self.solution.n_factors = matrix.n_entries();
         self.progress = Progress::Gathering(matrix, *sweep);
@@ -315,7 +322,7 @@ impl<'a> Radiosity<'a> {
         let before = self.solution.radiosity.clone();
         let mut error = None;
         let mut n_rays = 0;
-        let mut measured = None;
+        let mut by_rays = None;
         let Solution { mesh, system, radiosity, irradiance, unshot, sums, irradiance_error, .. } = &mut self.solution;
         let mut unknowns = Unknowns { radiosity, irradiance, unshot };
         match (&mut self.progress, &self.factors) {
@@ -330,16 +337,18 @@ impl<'a> Radiosity<'a> {
             }
             (Progress::Stochastic(stochastic), _) => {
                 stochastic.step(world, mesh, system, &mut unknowns, sums);
-                error = Some(stochastic.error(system));
+                error = Some(stochastic.error());
                 n_rays = stochastic.n_rays;
-                measured = Some([stochastic.escaped(), stochastic.in_medium()]);
+                by_rays = Some([stochastic.escaped(), stochastic.in_medium(), stochastic.passed()]);
                 *irradiance_error = stochastic.standard_errors();
             }
             _ => unreachable!("matrices are made before, and shooters have factors"),
         }
         let mut balance = system.balance(sums, unknowns.irradiance, unknowns.radiosity, unknowns.unshot);
-        if let Some(by_rays) = measured {
-            [balance.escaped, balance.in_medium] = by_rays;
+        if let Some([escaped, in_medium, passed]) = by_rays {
+            let estimated = system.passed(unknowns.irradiance);
+            (0..3).for_each(|c| balance.absorbed[c] += estimated[c] - passed[c]);
+            (balance.escaped, balance.in_medium) = (escaped, in_medium);
         }
         let change = before.iter().zip(unknowns.radiosity.iter()).flat_map(|(a, b)| (0..3).map(move |c| (a[c] - b[c]).abs()));
         let (change, residual) = (change.fold(0.0, f64::max), unknowns.residual(system));

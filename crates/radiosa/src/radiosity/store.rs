@@ -87,11 +87,11 @@ impl Solution {
     /// When the stream cannot take it.
     pub fn store(&self, out: &mut Out) -> io::Result<()> {
         self.mesh.record().store(out)?;
-        let System { area, reflectance, emission, direct, lamps, medium } = &self.system;
+        let System { area, reflectance, emission, direct, lamps, transmittance, medium } = &self.system;
         out.array(&medium.absorption)?;
         out.array(area)?;
         let ours = [&self.radiosity, &self.irradiance, &self.unshot, &self.irradiance_error];
-        for column in [reflectance, emission, direct].into_iter().chain(ours).chain([lamps]) {
+        for column in [reflectance, emission, direct].into_iter().chain(ours).chain([lamps, transmittance]) {
             out.array(column)?;
         }
         out.array(&self.sums.met)?;
@@ -137,7 +137,7 @@ impl Solution {
             let fits = column.is_empty() || column.len() == n;
             if fits { Ok(column) } else { Err(wrong("an array has another length than it should")) }
         };
-        let (irradiance_error, lamps) = (or_none()?, or_none()?);
+        let (irradiance_error, lamps, transmittance) = (or_none()?, or_none()?, or_none()?);
         let [reflectance, emission, direct, radiosity, irradiance, unshot] = columns;
         let sums = Sums { met: from.array(n)?, arriving: from.array(if medium.is_clear() { 0 } else { n })? };
         let n_factors = from.number()? as usize;
@@ -157,7 +157,7 @@ impl Solution {
                 n_rays: counts[4],
             });
         }
-        let system = System { area, reflectance, emission, direct, lamps, medium };
+        let system = System { area, reflectance, emission, direct, lamps, transmittance, medium };
         Ok(Self { mesh, system, radiosity, irradiance, unshot, irradiance_error, sums, n_factors, balance, history })
     }
 }

@@ -33,6 +33,8 @@ pub struct System {
     pub direct: Vec<[f64; 3]>,
     /// The part of D_i from lamps, which have a place or a direction: pictures may have it sharper. Empty where there are none.
     pub lamps: Vec<[f64; 3]>,
+    /// τ_i: what passes straight through a surface, of light that arrives from everywhere alike. Empty where nothing is transparent.
+    pub transmittance: Vec<[f64; 3]>,
     /// What is between the elements.
     pub medium: Medium,
 }
@@ -65,7 +67,7 @@ impl Sums {
 /// Power by where it goes, W or lm, by channel: emitted = absorbed + in the medium + escaped + unshot, once every part is measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Balance {
-    /// By surfaces, and what arrives on them from other lights.
+    /// By surfaces, and what arrives on them from other lights: what passes one of them counts where it ends.
     pub emitted: [f64; 3],
     /// By surfaces.
     pub absorbed: [f64; 3],
@@ -146,16 +148,19 @@ impl System {
 
     /// Where the power is; every part from what it is defined by.
     ///
-    /// What is absorbed is `A_i (1 − ρ_i) H_i`; what escapes is measured by the raw row sums, `A_i (B_i − U_i) (1 − Σ_j F_ij)`, what the
-    /// medium absorbs by `A_i (B_i − U_i) Σ_j (1 − τ_ij) F_ij`: the sums of elements that have sent out nothing need not be known.
+    /// What is absorbed is `A_i (1 − ρ_i) H_i` but for what passes; what escapes is measured by the raw row sums, `A_i (B_i − U_i) (1 − Σ_j F_ij)`, what the
+    /// medium absorbs by `A_i (B_i − U_i) Σ_j (1 − τ_ij) F_ij`: the sums of elements that have sent out nothing need not be known. What passes a surface is met
+    /// once more behind it, and rows sum to more than one by as much; so it is added to what escapes ([`Self::passed`]).
     pub fn balance(&self, sums: &Sums, irradiance: &[[f64; 3]], radiosity: &[[f64; 3]], unshot: &[[f64; 3]]) -> Balance {
-        let mut balance = Balance::default();
+        let passed = self.passed(irradiance);
+        let mut balance = Balance { absorbed: passed.map(|p| -p), escaped: passed, ..Balance::default() };
         for i in 0..self.n() {
             let area = self.area[i];
             for c in 0..3 {
                 let shot = radiosity[i][c] - unshot[i][c];
-                balance.emitted[c] += area * (self.emission[i][c] + self.direct[i][c]);
-                balance.absorbed[c] += area * (1.0 - self.reflectance[i][c]) * irradiance[i][c];
+                let lights_passed = self.transmittance.get(i).map_or(0.0, |t| t[c]) * self.direct[i][c];
+                balance.emitted[c] += area * (self.emission[i][c] + self.direct[i][c] - lights_passed);
+                balance.absorbed[c] += area * ((1.0 - self.reflectance[i][c]) * irradiance[i][c] - lights_passed);
                 if shot != 0.0 {
                     balance.escaped[c] += area * shot * (1.0 - sums.met[i]);
                     balance.in_medium[c] +=
@@ -165,6 +170,16 @@ impl System {
             }
         }
         balance
+    }
+
+    /// Power of surfaces that passes others: `Σ A_i τ_i (H_i − D_i)`, with one τ for all channels, as form factors have it.
+    pub fn passed(&self, irradiance: &[[f64; 3]]) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for (i, tau) in self.transmittance.iter().enumerate() {
+            let passes = self.area[i] * (tau[0] + tau[1] + tau[2]) / 3.0;
+            (0..3).for_each(|c| sum[c] += passes * (irradiance[i][c] - self.direct[i][c]));
+        }
+        sum
     }
 
     /// The share of ambient light in every channel: what the unshot power would bring to every surface if it were spread evenly, with all its

@@ -534,6 +534,21 @@ fn part_of(whole: &Element, k: u32, part: u32) -> Element {
     with_area(whole, corners, n_corners)
 }
 
+/// What passes straight through a surface at a point, averaged over directions by the cosine: `∫ T cos θ dω/π = ∫₀¹ T d(cos² θ)`.
+fn passes(world: &World, surface: &Surface, n: Vec3) -> Spectrum {
+    const ANGLES: u32 = 16;
+    let along = crate::math::Frame::from_normal(n);
+    let at = |cos2: f32| {
+        let shading = world.shading(surface, along.to_world(Vec3::new((1.0 - cos2).sqrt(), 0.0, cos2.sqrt())));
+        Spectrum::WHITE * (1.0 - shading.coverage) + shading.straight_transmission(surface) * shading.coverage
+    };
+    // What lets nothing through head-on never does.
+    if at(1.0).is_black() {
+        return Spectrum::BLACK;
+    }
+    (0..ANGLES).map(|k| at((k as f32 + 0.5) / ANGLES as f32)).sum::<Spectrum>() * (1.0 / ANGLES as f32)
+}
+
 /// What a surface is made of, averaged over one element.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Matter {
@@ -541,6 +556,8 @@ pub struct Matter {
     pub reflectance: Spectrum,
     /// E = π L_e, W/m² or lm/m².
     pub emission: Spectrum,
+    /// τ: what passes straight through, of light that arrives from everywhere alike.
+    pub transmittance: Spectrum,
 }
 
 impl ElementMesh {
@@ -558,6 +575,9 @@ impl ElementMesh {
             let shading = world.shading(&surface, element.normal.as_vec3());
             sum.reflectance += shading.bsdf.diffuse_reflectance() * coverage;
             sum.emission += shading.emission * (coverage * std::f32::consts::PI);
+            if world.has_transparency() {
+                sum.transmittance += passes(world, &surface, element.normal.as_vec3()) * weight;
+            }
         }
         sum
     }

@@ -1,6 +1,7 @@
 //! Solvers of the radiosity equation, and what they have in common: when to stop, and how it went.
 
 pub mod gathering;
+pub mod pools;
 pub mod shooting;
 pub mod stochastic;
 
@@ -61,7 +62,11 @@ impl Stop {
     pub fn is_reached(&self, record: &Record) -> bool {
         let converged = match record.error {
             Some(error) => error <= self.error,
-            None => record.residual <= self.residual || record.change <= self.change || record.unshot() <= self.unshot,
+            // (A shot that meets nothing but black changes no radiosity.)
+            None => {
+                let has_settled = self.change > 0.0 && record.change <= self.change;
+                record.residual <= self.residual || has_settled || record.unshot() <= self.unshot
+            }
         };
         converged || record.step >= self.steps
     }

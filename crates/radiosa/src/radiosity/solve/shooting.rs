@@ -223,8 +223,8 @@ mod tests {
             reflectance: vec![[0.2, 0.5, 0.9], [0.7; 3], [0.0, 0.4, 0.6]],
             emission: vec![[3.0, 1.0, 0.0], [0.0; 3], [0.0, 0.0, 2.0]],
             direct: vec![[0.0; 3], [0.5, 0.0, 0.25], [0.0; 3]],
-            lamps: Vec::new(),
             medium: Medium { absorption },
+            ..System::default()
         };
         (system, [[0.0, 0.4, 0.5], [0.2, 0.0, 0.8], [0.125, 0.4, 0.0]])
     }

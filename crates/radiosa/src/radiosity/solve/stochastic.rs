@@ -10,20 +10,23 @@
 //!
 //! - The paper goes on with iterations that send out everything again. Those feed on each other's noise, so that their spread understates the error; rounds share
 //!   nothing but the order of their samples. So the spread of rounds is the error, or more than it, since each element goes on in its own low-discrepancy sequence.
+//! - In scenes of very many triangles small neighbours are pooled ([`Pools`]): where it says element, read pool. The light of lamps stays with each element.
 //! - Streams are keyed by (seed, element) and go on by sample; hits are added up in the order of rays. So nothing depends on the number of threads.
 //! - An element that gets less than one ray gets one with that probability, and it carries what it would have carried: right on average. Else its rays carry its power, exactly.
 //! - What lies behind a transparent surface is reached by rays that pass it, with the probability that it lets light through. As in rows of form factors, which then
-//!   sum to more than one, what is met behind counts beside the surface, and is taken off what escapes.
+//!   sum to more than one, what is met behind counts beside the surface; what passed is not absorbed by it.
 //! - In an absorbing medium a ray brings what is left of its power after its length.
 
 use std::io;
 
 use rayon::prelude::*;
 
+use super::super::medium::Medium;
 use super::super::mesh::{self, Element, ElementMesh, Lift};
 use super::super::stream::{In, Out};
 use super::super::system::{Sums, System, Unknowns};
-use crate::math::{DVec3, Frame, Ray};
+use super::pools::Pools;
+use crate::math::{DVec3, Frame, Ray, Vec2};
 use crate::sampling::{rng, sequence, warp};
 use crate::transport::World;
 
@@ -48,13 +51,40 @@ const PIECE: u64 = 4096;
 const PIECES: usize = 256;
 /// Transparent surfaces a ray passes at most.
 const MAX_LAYERS: u32 = 64;
-/// In place of an element: nothing there; and once for every meeting after a ray's first.
+/// In place of an element: a ray met none; once for every meeting after its first; and once for a ray that passed what it met and met no more.
 const NOTHING: u32 = u32::MAX;
 const AGAIN: u32 = u32::MAX - 1;
+const OUT: u32 = u32::MAX - 2;
 
-/// Rounds so far, and the one on its way.
+/// What is known of every pool before anything is sent out.
+#[derive(Clone, Debug, Default)]
+struct Pooled {
+    area: Vec<f64>,
+    reflectance: Vec<[f64; 3]>,
+    /// `E + ρ D`.
+    initial: Vec<[f64; 3]>,
+    direct: Vec<[f64; 3]>,
+    medium: Medium,
+}
+
+impl Pooled {
+    fn new(system: &System, pools: &Pools) -> Self {
+        let area = |p: usize| pools.members(p).iter().map(|&i| system.area[i as usize]).sum();
+        Self {
+            area: (0..pools.n()).map(area).collect(),
+            reflectance: pools.means(&system.area, |i| system.reflectance[i]),
+            initial: pools.means(&system.area, |i| system.initial(i)),
+            direct: pools.means(&system.area, |i| system.direct[i]),
+            medium: system.medium,
+        }
+    }
+}
+
+/// Rounds so far, and the one on its way. Columns are by pool.
 #[derive(Clone, Debug)]
 pub struct Stochastic {
+    pools: Pools,
+    pooled: Pooled,
     seed: u64,
     settings: Settings,
     /// Power of one ray: the first iteration's unshot power over its rays, all channels together.
@@ -63,14 +93,14 @@ pub struct Stochastic {
     used: Vec<u32>,
     /// Iterations so far, the key of what is drawn once for each.
     iteration: u64,
-    /// H and U of the round.
+    /// H − D and U of the round.
     irradiance: Vec<[f64; 3]>,
     unshot: Vec<[f64; 3]>,
     /// Elements with something to send, rising.
     active: Vec<u32>,
     /// Power on its way; nothing between iterations.
     arriving: Vec<[f64; 3]>,
-    /// Rounds that are finished, and over them: ΣH, ΣH², ΣU.
+    /// Rounds that are finished, and over them the sums of H − D, its square, and U.
     rounds: u32,
     sum: Vec<[f64; 3]>,
     squares: Vec<[f64; 3]>,
@@ -79,6 +109,8 @@ pub struct Stochastic {
     escaped_rays: Vec<i64>,
     /// Power that left the scene, in this round and in those before.
     escaped: [[f64; 3]; 2],
+    /// The same of power that passed transparent surfaces, once for each.
+    passed: [[f64; 3]; 2],
     /// Power that the medium absorbed, likewise.
     in_medium: [[f64; 3]; 2],
     /// Rays that carried light.
@@ -87,11 +119,14 @@ pub struct Stochastic {
 
 impl Stochastic {
     /// Nothing has been sent out.
-    pub fn new(system: &System, settings: Settings, seed: u64) -> Self {
-        let n = system.n();
+    pub fn new(system: &System, pools: Pools, settings: Settings, seed: u64) -> Self {
+        let n = pools.n();
+        let pooled = Pooled::new(system, &pools);
         let zero = || vec![[0.0; 3]; n];
         let rays = if settings.rays == 0 { (8 * n as u64).clamp(1 << 16, 1 << 22) } else { u64::from(settings.rays) };
         let mut stochastic = Self {
+            pools,
+            pooled: Pooled::default(),
             seed: rng::key(&[seed, 0x7374_6F63]),
             settings,
             quantum: 0.0,
@@ -107,11 +142,13 @@ impl Stochastic {
             left: zero(),
             escaped_rays: vec![0; n],
             escaped: [[0.0; 3]; 2],
+            passed: [[0.0; 3]; 2],
             in_medium: [[0.0; 3]; 2],
             n_rays: 0,
         };
-        stochastic.begin(system);
-        stochastic.quantum = (0..n).map(|i| stochastic.weight(system, i)).sum::<f64>() / rays as f64;
+        stochastic.begin(&pooled);
+        stochastic.quantum = (0..n).map(|p| stochastic.weight(&pooled, p)).sum::<f64>() / rays as f64;
+        stochastic.pooled = pooled;
         stochastic
     }
 
@@ -125,6 +162,7 @@ impl Stochastic {
         }
         out.array(&self.escaped_rays)?;
         out.array(&self.escaped)?;
+        out.array(&self.passed)?;
         out.array(&self.in_medium)
     }
 
@@ -141,17 +179,19 @@ impl Stochastic {
         }
         self.escaped_rays = from.array(n)?;
         self.escaped.copy_from_slice(&from.array(2)?);
+        self.passed.copy_from_slice(&from.array(2)?);
         self.in_medium.copy_from_slice(&from.array(2)?);
         self.find_active();
         Ok(())
     }
 
     /// A new round.
-    fn begin(&mut self, system: &System) {
-        self.irradiance.copy_from_slice(&system.direct);
-        (0..system.n()).for_each(|i| self.unshot[i] = system.initial(i));
-        self.escaped[0] = [0.0; 3];
-        self.in_medium[0] = [0.0; 3];
+    fn begin(&mut self, pooled: &Pooled) {
+        self.irradiance.fill([0.0; 3]);
+        self.unshot.copy_from_slice(&pooled.initial);
+        for [now, _] in [&mut self.escaped, &mut self.passed, &mut self.in_medium] {
+            *now = [0.0; 3];
+        }
         self.find_active();
     }
 
@@ -160,31 +200,33 @@ impl Stochastic {
     }
 
     /// `A U`, channels together: what decides about the number of rays.
-    fn weight(&self, system: &System, i: usize) -> f64 {
-        system.area[i] * self.unshot[i].iter().map(|u| u.abs()).sum::<f64>()
+    fn weight(&self, pooled: &Pooled, i: usize) -> f64 {
+        pooled.area[i] * self.unshot[i].iter().map(|u| u.abs()).sum::<f64>()
     }
 
     /// Iterations with about a ray for every element together, or to the end of the round: the last ones of a round have few rays. The unknowns become the mean of
     /// the finished rounds, or what is known of the first.
     pub fn step(&mut self, world: &World, mesh: &ElementMesh, system: &System, unknowns: &mut Unknowns, sums: &mut Sums) {
+        let pooled = std::mem::take(&mut self.pooled);
         let mut sent = 0;
         loop {
-            sent += self.iterate(world, mesh, system);
+            sent += self.iterate(world, mesh, &pooled);
             // Less than one ray is left: the round is over.
-            let left: f64 = self.active.iter().map(|&i| self.weight(system, i as usize)).sum();
+            let left: f64 = self.active.iter().map(|&i| self.weight(&pooled, i as usize)).sum();
             if left <= self.quantum {
-                self.finish(system);
+                self.finish(&pooled);
                 break;
             }
-            if sent >= system.n() as u64 {
+            if sent >= self.pools.n() as u64 {
                 break;
             }
         }
+        self.pooled = pooled;
         self.read(system, unknowns, sums);
     }
 
     /// One iteration; the number of its rays. What it takes depends on who has anything to send, and on what is met.
-    fn iterate(&mut self, world: &World, mesh: &ElementMesh, system: &System) -> u64 {
+    fn iterate(&mut self, world: &World, mesh: &ElementMesh, system: &Pooled) -> u64 {
         self.iteration += 1;
         let active = std::mem::take(&mut self.active);
         let rays = self.distribute(system, &active);
@@ -207,10 +249,22 @@ impl Stochastic {
                 .collect();
             for ([from, to], distance) in met.into_iter().flatten() {
                 let carried = power[from as usize];
-                if to >= AGAIN {
-                    let sign = if to == NOTHING { 1 } else { -1 };
-                    self.escaped_rays[active[from as usize] as usize] += sign;
-                    (0..3).for_each(|c| self.escaped[0][c] += sign as f64 * carried[c]);
+                if to >= OUT {
+                    self.escaped_rays[active[from as usize] as usize] += i64::from(to == NOTHING) - i64::from(to == AGAIN);
+                    // What leaves the scene has left the medium; what passes a surface has come as far as that.
+                    let tau = if to == NOTHING { [1.0; 3] } else { system.medium.transmittance(f64::from(distance)) };
+                    for c in 0..3 {
+                        let power = carried[c] * tau[c];
+                        if to != AGAIN {
+                            self.escaped[0][c] += power;
+                        } else {
+                            // It goes on to where its whole way counts.
+                            self.in_medium[0][c] -= carried[c] - power;
+                        }
+                        if to != NOTHING {
+                            self.passed[0][c] += power;
+                        }
+                    }
                 } else {
                     let sum = &mut self.arriving[to as usize];
                     if *sum == [0.0; 3] {
@@ -243,7 +297,7 @@ impl Stochastic {
     }
 
     /// Whole numbers of rays in proportion to unshot power, one stroke for every quantum of it: every element of `active` gets its number rounded up or down.
-    fn distribute(&self, system: &System, active: &[u32]) -> Vec<u32> {
+    fn distribute(&self, system: &Pooled, active: &[u32]) -> Vec<u32> {
         let offset = f64::from(rng::unit_f32((rng::key(&[self.seed, self.iteration]) >> 32) as u32));
         let (mut sum, mut before) = (offset, 0.0);
         let rays = active.iter().map(|&i| {
@@ -267,7 +321,7 @@ impl Stochastic {
     ) -> Vec<([u32; 2], f32)> {
         let mut met = Vec::with_capacity((range.end - range.start) as usize);
         let mut at = starts.partition_point(|&s| s <= range.start) - 1;
-        let source = |at: usize| Source::new(&mesh.elements()[active[at] as usize], self.seed, u64::from(active[at]));
+        let source = |at: usize| Source::new(mesh, &self.pools, active[at] as usize, self.seed);
         let mut element = source(at);
         for k in range {
             if starts[at + 1] <= k {
@@ -278,15 +332,16 @@ impl Stochastic {
             }
             let sample = self.used[active[at] as usize].wrapping_add((k - starts[at]) as u32);
             follow(world, mesh, element.ray(sample), rng::key(&[element.key, u64::from(sample)]), |to, distance| {
-                met.push(([at as u32, to], distance));
+                let pool = if to < OUT { self.pools.of_element(to as usize) } else { to };
+                met.push(([at as u32, pool], distance));
             });
         }
         met
     }
 
-    fn finish(&mut self, system: &System) {
+    fn finish(&mut self, pooled: &Pooled) {
         self.rounds += 1;
-        for i in 0..system.n() {
+        for i in 0..self.pools.n() {
             for c in 0..3 {
                 let h = self.irradiance[i][c];
                 self.sum[i][c] += h;
@@ -294,9 +349,10 @@ impl Stochastic {
                 self.left[i][c] += self.unshot[i][c];
             }
         }
-        (0..3).for_each(|c| self.escaped[1][c] += self.escaped[0][c]);
-        (0..3).for_each(|c| self.in_medium[1][c] += self.in_medium[0][c]);
-        self.begin(system);
+        for [now, all] in [&mut self.escaped, &mut self.passed, &mut self.in_medium] {
+            (0..3).for_each(|c| all[c] += now[c]);
+        }
+        self.begin(pooled);
     }
 
     fn read(&self, system: &System, unknowns: &mut Unknowns, sums: &mut Sums) {
@@ -304,11 +360,13 @@ impl Stochastic {
             if self.rounds > 0 { sum.map(|s| s / f64::from(self.rounds)) } else { now }
         };
         for (i, row_sum) in sums.met.iter_mut().enumerate() {
-            let h = of(self.sum[i], self.irradiance[i]);
+            let p = self.pools.of_element(i) as usize;
+            let indirect = of(self.sum[p], self.irradiance[p]);
+            let h: [f64; 3] = std::array::from_fn(|c| system.direct[i][c] + indirect[c]);
             unknowns.irradiance[i] = h;
             unknowns.radiosity[i] = std::array::from_fn(|c| system.emission[i][c] + system.reflectance[i][c] * h[c]);
-            unknowns.unshot[i] = of(self.left[i], self.unshot[i]);
-            *row_sum = 1.0 - self.escaped_rays[i] as f64 / f64::from(self.used[i]);
+            unknowns.unshot[i] = of(self.left[p], self.unshot[p]);
+            *row_sum = 1.0 - self.escaped_rays[p] as f64 / f64::from(self.used[p]);
         }
     }
 
@@ -319,20 +377,32 @@ impl Stochastic {
 
     /// Power that left the scene, by the rays that carried it.
     pub fn escaped(&self) -> [f64; 3] {
-        self.measured(self.escaped)
+        self.mean(self.escaped)
     }
 
     /// Power that the medium absorbed, likewise.
     pub fn in_medium(&self) -> [f64; 3] {
-        self.measured(self.in_medium)
+        self.mean(self.in_medium)
     }
 
-    fn measured(&self, [now, before]: [[f64; 3]; 2]) -> [f64; 3] {
-        if self.rounds > 0 { before.map(|e| e / f64::from(self.rounds)) } else { now }
+    /// Power that passed transparent surfaces, by the rays that carried it, once for each surface.
+    pub fn passed(&self) -> [f64; 3] {
+        self.mean(self.passed)
     }
 
-    /// Standard error of every irradiance, W/m² or lux, from the spread of the rounds; infinite until there are two.
+    /// Of finished rounds, or what is known of the first.
+    fn mean(&self, [now, all]: [[f64; 3]; 2]) -> [f64; 3] {
+        if self.rounds > 0 { all.map(|e| e / f64::from(self.rounds)) } else { now }
+    }
+
+    /// Standard error of every element's irradiance, W/m² or lux, from the spread of the rounds; infinite until there are two.
     pub fn standard_errors(&self) -> Vec<[f64; 3]> {
+        let of_pools = self.errors();
+        (0..self.pools.n_elements()).map(|i| of_pools[self.pools.of_element(i) as usize]).collect()
+    }
+
+    /// The same by pool.
+    fn errors(&self) -> Vec<[f64; 3]> {
         let rounds = f64::from(self.rounds);
         let of = |sum: f64, squares: f64| {
             if self.rounds < 2 {
@@ -344,51 +414,80 @@ impl Stochastic {
         self.sum.iter().zip(&self.squares).map(|(s, q)| std::array::from_fn(|c| of(s[c], q[c]))).collect()
     }
 
-    /// Relative, `√(Σ A σ²/Σ A H²)` over all elements and channels; infinite until enough rounds are finished.
-    pub fn error(&self, system: &System) -> f64 {
+    /// Relative, `√(Σ A σ²/Σ A H²)` over everything and all channels; infinite until enough rounds are finished.
+    pub fn error(&self) -> f64 {
         if self.rounds < self.settings.rounds.max(2) {
             return f64::INFINITY;
         }
         let rounds = f64::from(self.rounds);
         let (mut variance, mut all) = (0.0, 0.0);
-        for ((error, sum), area) in self.standard_errors().iter().zip(&self.sum).zip(&system.area) {
-            for c in 0..3 {
-                variance += area * error[c].powi(2);
-                all += area * (sum[c] / rounds).powi(2);
+        for (p, error) in self.errors().iter().enumerate() {
+            for (c, error) in error.iter().enumerate() {
+                variance += self.pooled.area[p] * error.powi(2);
+                all += self.pooled.area[p] * (self.pooled.direct[p][c] + self.sum[p][c] / rounds).powi(2);
             }
         }
         if all > 0.0 { (variance / all).sqrt() } else { 0.0 }
     }
 }
 
-/// An element as a source of rays.
+/// A pool as a source of rays.
 struct Source<'a> {
-    element: &'a Element,
+    mesh: &'a ElementMesh,
+    pools: &'a Pools,
+    pool: usize,
+    /// The only element.
+    only: Option<Sender<'a>>,
     key: u64,
+}
+
+impl<'a> Source<'a> {
+    fn new(mesh: &'a ElementMesh, pools: &'a Pools, pool: usize, seed: u64) -> Self {
+        let only = match pools.members(pool) {
+            [only] => Some(Sender::new(mesh, *only)),
+            _ => None,
+        };
+        Self { mesh, pools, pool, only, key: rng::key(&[seed, pool as u64]) }
+    }
+
+    /// From a point uniform over it, in a direction by the cosine: two dimensions each of a sequence.
+    fn ray(&self, sample: u32) -> Ray {
+        let [u, v] = sequence::point_2d(sample, self.key).to_array().map(f64::from);
+        let direction = sequence::point_2d(sample, self.key ^ 0x6469_7265);
+        if let Some(only) = &self.only {
+            return only.ray([u, v], direction);
+        }
+        // What is left of the first number tells where on the element it chose.
+        let (element, u) = self.pools.at(self.pool, u);
+        Sender::new(self.mesh, element).ray([u, v], direction)
+    }
+}
+
+/// An element that sends rays out.
+struct Sender<'a> {
+    element: &'a Element,
     frame: Frame,
     lift: Lift,
     /// The points that light can reach, where it cannot reach all.
     exposed: Vec<[f64; 2]>,
 }
 
-impl<'a> Source<'a> {
-    fn new(element: &'a Element, seed: u64, j: u64) -> Self {
-        let key = rng::key(&[seed, j]);
+impl<'a> Sender<'a> {
+    fn new(mesh: &'a ElementMesh, i: u32) -> Self {
+        let element = &mesh.elements()[i as usize];
         let is_whole = (0..mesh::POINTS).all(|k| element.exposes(k));
         let points = (0..mesh::POINTS).filter(|&k| !is_whole && element.exposes(k));
-        let exposed = points.map(|k| mesh::point(j as u32, k as u32)).collect();
-        Self { element, key, frame: Frame::from_normal(element.normal.as_vec3()), lift: element.lift(), exposed }
+        let exposed = points.map(|k| mesh::point(i, k as u32)).collect();
+        Self { element, frame: Frame::from_normal(element.normal.as_vec3()), lift: element.lift(), exposed }
     }
 
-    /// From a point uniform over the element, in a direction by the cosine: two dimensions each of a sequence.
-    fn ray(&self, sample: u32) -> Ray {
-        let u = sequence::point_2d(sample, self.key);
+    fn ray(&self, [u, v]: [f64; 2], direction: Vec2) -> Ray {
         let p = match self.exposed.as_slice() {
-            [] => uniform(self.element, [u.x, u.y].map(f64::from)),
+            [] => uniform(self.element, [u, v]),
             // Light leaves the part in the open alone.
-            points => self.element.at(points[(u.x * points.len() as f32) as usize]),
+            points => self.element.at(points[(u * points.len() as f64) as usize]),
         };
-        let dir = self.frame.to_world(warp::cosine_hemisphere(sequence::point_2d(sample, self.key ^ 0x6469_7265)));
+        let dir = self.frame.to_world(warp::cosine_hemisphere(direction));
         Ray::new(self.lift.in_front(p), dir)
     }
 }
@@ -413,36 +512,37 @@ fn linear(u: f64, a: f64, b: f64) -> f64 {
 
 /// What a ray meets first, and what lies behind that where it is transparent, as far as chance lets it go.
 fn follow(world: &World, mesh: &ElementMesh, mut ray: Ray, key: u64, mut meet: impl FnMut(u32, f32)) {
-    let mut distance = 0.0;
+    // How far it has come, and where it met the last element.
+    let (mut distance, mut last) = (0.0, None);
     for layer in 0..MAX_LAYERS {
-        let Some((hit, surface)) = world.closest_visible(&ray) else {
-            // What passed a surface was counted there.
-            return if layer == 0 {
-                meet(NOTHING, distance)
-            };
-        };
+        let Some((hit, surface)) = world.closest_visible(&ray) else { break };
         distance += hit.t;
         let element = mesh.element_at(&hit, surface.p, ray.dir);
-        match element {
-            Some(element) => {
-                meet(element, distance);
-                if layer > 0 {
-                    meet(AGAIN, distance);
-                }
+        if let Some(element) = element {
+            meet(element, distance);
+            if let Some(last) = last {
+                meet(AGAIN, last);
             }
-            None if layer == 0 => meet(NOTHING, distance),
-            None => {}
+            last = Some(distance);
         }
-        if !world.has_transparency() {
+        let passes = || {
+            let shading = world.shading(&surface, -ray.dir);
+            let through = shading.straight_transmission(&surface);
+            1.0 - shading.coverage * (1.0 - (through.r + through.g + through.b) / 3.0)
+        };
+        let is_end = !world.has_transparency() || rng::unit_f32((rng::key(&[key, u64::from(layer)]) >> 32) as u32) >= passes();
+        if is_end && element.is_some() {
             return;
         }
-        let shading = world.shading(&surface, -ray.dir);
-        let through = shading.straight_transmission(&surface);
-        let passes = 1.0 - shading.coverage * (1.0 - (through.r + through.g + through.b) / 3.0);
-        if rng::unit_f32((rng::key(&[key, u64::from(layer)]) >> 32) as u32) >= passes {
-            return;
+        if is_end {
+            break;
         }
         ray = surface.ray(ray.dir);
+    }
+    // On no element: out of the scene, or on a side that takes no part.
+    match last {
+        Some(last) => meet(OUT, last),
+        None => meet(NOTHING, distance),
     }
 }
 

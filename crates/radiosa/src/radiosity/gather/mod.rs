@@ -9,6 +9,9 @@
 //! The factor from a point to an element is exact, and the rays that decide how much of it is seen are many where the element matters: shadows are as sharp
 //! as at a camera ray, whatever the size of the elements.
 
+mod near;
+
+use self::near::Near;
 use super::direct::DirectLight;
 use super::display;
 use super::form_factor::analytic;
@@ -44,6 +47,7 @@ pub struct Gather<'a> {
     bounds: Vec<(DVec3, f64)>,
     /// Irradiances at the corners of each element: they go on where the material changes, as radiosities do not.
     corners: Vec<[Spectrum; 4]>,
+    near: Option<Near>,
     seed: u64,
 }
 
@@ -56,6 +60,12 @@ struct Piece {
     /// Unoccluded form factor.
     factor: f64,
     radiosity: [f64; 3],
+    /// The part of it that nothing hides.
+    seen: f64,
+    /// The part of its light that arrives, by channel: less where there is a medium.
+    arriving: [f64; 3],
+    /// Rays that told so.
+    n_rays: u32,
 }
 
 /// Pieces along a side for factors above these.
@@ -68,6 +78,26 @@ pub struct Scratch {
     pieces: Vec<Piece>,
     lines: Lines,
     kernel: Vec<f64>,
+    /// Emission is left out.
+    reflected_only: bool,
+}
+
+impl Scratch {
+    /// `Σ B F V` over all pieces.
+    fn arriving(&self) -> Spectrum {
+        let mut sum = [0.0; 3];
+        for piece in &self.pieces {
+            (0..3).for_each(|c| sum[c] += piece.radiosity[c] * piece.factor * piece.arriving[c]);
+        }
+        Spectrum::from(sum.map(|s| s as f32))
+    }
+}
+
+/// Bilinear between the corners of an element, and moved so that the element keeps its mean: what corners smooth away at the edge of a shadow must not light
+/// the dark side of it.
+fn around([a, b, c, d]: [Spectrum; 4], mean: Spectrum, at: [f64; 2]) -> Spectrum {
+    let [u, v] = at.map(|x| x as f32);
+    mean + (a * (1.0 - u) + b * u) * (1.0 - v) + (d * (1.0 - u) + c * u) * v - (a + b + c + d) * 0.25
 }
 
 impl<'a> Gather<'a> {
@@ -80,49 +110,87 @@ impl<'a> Gather<'a> {
         let bounds = solution.mesh.elements().iter().map(bound).collect();
         let corners = display::corner_values(world, &solution.mesh, &solution.irradiance);
         let direct = DirectLight::new(world, extra_lights, seed).within(solution.system.medium);
-        Self { world, solution, direct, bounds, corners, seed }
+        Self { world, solution, direct, bounds, corners, near: None, seed }
+    }
+
+    /// Looks closely at what is near sensors: at the edges of shadows within elements, and at elements that give much of what arrives. It costs as much
+    /// as some thousand sensors do, and each sensor some ten times as much.
+    pub fn with_details(mut self) -> Self {
+        self.near = Near::new(&self);
+        self
     }
 
     /// What arrives at a surface point on the side of the unit normal `n`; `sensor` keys its random streams.
     pub fn at(&self, surface: &Surface, n: Vec3, sensor: u64, scratch: &mut Scratch) -> Arriving {
         let key = rng::key(&[self.seed, sensor, 0x7365_6E73]);
         let start = offset_origin(surface.p, surface.p_error, surface.ng, n);
-        let (p, normal) = (start.as_dvec3(), n.as_dvec3());
-        let elements = self.solution.mesh.elements();
+        self.collect(start.as_dvec3(), n.as_dvec3(), scratch);
+        self.look(start, n.as_dvec3(), RAYS[0], key, scratch);
+        let variance = |p: &Piece| (p.factor * luminance(p.radiosity)).powi(2) * p.seen * (1.0 - p.seen) / f64::from(p.n_rays);
+        let variance: f64 = scratch.pieces.iter().map(variance).sum();
+        if let Some(near) = &self.near {
+            near.look_again(self, scratch);
+        }
+        Arriving { irradiance: self.direct.at(surface, n, key) + scratch.arriving(), standard_error: variance.sqrt() }
+    }
+
+    /// What a point could see: elements, those that look large in pieces.
+    fn collect(&self, p: DVec3, normal: DVec3, scratch: &mut Scratch) {
         scratch.pieces.clear();
-        let mut total = 0.0;
-        for (j, element) in elements.iter().enumerate() {
-            let (centre, radius) = self.bounds[j];
-            let d = centre - p;
-            let b = self.solution.radiosity[j];
-            if b == [0.0; 3] || normal.dot(d) <= -radius || element.normal.dot(d) >= 0.0 {
-                continue;
+        for (j, element) in self.solution.mesh.elements().iter().enumerate() {
+            let mut b = self.solution.radiosity[j];
+            if scratch.reflected_only {
+                (0..3).for_each(|c| b[c] -= self.solution.system.emission[j][c]);
             }
-            let factor = analytic::point_to_polygon(p, normal, element.corners(), &mut scratch.polygon);
-            if factor <= 0.0 {
-                continue;
-            }
-            let first = scratch.pieces.len();
+            let Some(factor) = self.whole(p, normal, j, b, scratch) else { continue };
             let cuts = CUTS.iter().find(|c| factor > c.0).map_or(1, |c| c.1);
-            if cuts == 1 || element.corners().len() != 4 {
-                scratch.pieces.push(Piece { element: j as u32, place: [0.0, 0.0, 1.0], factor, radiosity: b });
-            } else {
+            if cuts > 1 && element.corners().len() == 4 {
+                scratch.pieces.pop();
                 self.cut(p, normal, j, cuts, scratch);
             }
-            total += scratch.pieces[first..].iter().map(|piece| piece.factor * luminance(piece.radiosity)).sum::<f64>();
         }
-        let mut sum = [0.0; 3];
-        let mut variance = 0.0;
+    }
+
+    /// Adds an element of radiosity `b` as one piece, where it faces the point: its unoccluded form factor.
+    fn whole(&self, p: DVec3, normal: DVec3, j: usize, b: [f64; 3], scratch: &mut Scratch) -> Option<f64> {
+        let element = &self.solution.mesh.elements()[j];
+        let (centre, radius) = self.bounds[j];
+        let d = centre - p;
+        if b == [0.0; 3] || normal.dot(d) <= -radius || element.normal.dot(d) >= 0.0 {
+            return None;
+        }
+        let factor = analytic::point_to_polygon(p, normal, element.corners(), &mut scratch.polygon);
+        if factor <= 0.0 {
+            return None;
+        }
+        scratch.pieces.push(Piece {
+            element: j as u32,
+            place: [0.0, 0.0, 1.0],
+            factor,
+            radiosity: b,
+            seen: 0.0,
+            arriving: [0.0; 3],
+            n_rays: 0,
+        });
+        Some(factor)
+    }
+
+    /// Finds how much of each piece is seen, by about `rays` rays beside one for each.
+    fn look(&self, start: Vec3, normal: DVec3, rays: f64, key: u64, scratch: &mut Scratch) {
+        let weight = |piece: &Piece| piece.factor * luminance(piece.radiosity);
+        let total: f64 = scratch.pieces.iter().map(weight).sum();
         for k in 0..scratch.pieces.len() {
             let piece = scratch.pieces[k];
-            let weight = piece.factor * luminance(piece.radiosity);
-            let n_rays = if total > 0.0 { (RAYS[0] * weight / total).ceil().clamp(1.0, RAYS[1]) as u32 } else { 1 };
+            let n_rays = if total > 0.0 { (rays * weight(&piece) / total).ceil().clamp(1.0, RAYS[1]) as u32 } else { 1 };
             let (seen, arriving) = self.visible(start, normal, &piece, n_rays, rng::mix(key ^ k as u64), scratch);
-            (0..3).for_each(|c| sum[c] += piece.radiosity[c] * piece.factor * arriving[c]);
-            variance += weight.powi(2) * seen * (1.0 - seen) / f64::from(n_rays);
+            scratch.pieces[k] = Piece { seen, arriving, n_rays, ..piece };
         }
-        let irradiance = self.direct.at(surface, n, key) + Spectrum::from(sum.map(|s| s as f32));
-        Arriving { irradiance, standard_error: variance.sqrt() }
+    }
+
+    /// `E + ρ H` of an element.
+    fn reflecting(&self, j: usize, h: Spectrum) -> [f64; 3] {
+        let (e, rho, h) = (self.solution.system.emission[j], self.solution.system.reflectance[j], h.to_array().map(f64::from));
+        std::array::from_fn(|c| e[c] + rho[c] * h[c].max(0.0))
     }
 
     /// Cuts a quadrilateral into `n × n` pieces.
@@ -136,15 +204,22 @@ impl<'a> Gather<'a> {
             if factor <= 0.0 {
                 continue;
             }
-            let (u, v) = ((s + 0.5 * side) as f32, (t + 0.5 * side) as f32);
-            let [a, b, c, d] = self.corners[j];
-            // Bilinear, and moved so that the element keeps its mean: what corners smooth away at the edge of a shadow must not light the dark side of it.
-            let h = (a * (1.0 - u) + b * u) * (1.0 - v) + (d * (1.0 - u) + c * u) * v - (a + b + c + d) * 0.25;
-            let own = self.solution.irradiance[j];
-            let h: [f64; 3] = std::array::from_fn(|c| (own[c] + f64::from(h.to_array()[c])).max(0.0));
-            let (e, rho) = (self.solution.system.emission[j], self.solution.system.reflectance[j]);
-            let radiosity = std::array::from_fn(|c| e[c] + rho[c] * h[c]);
-            scratch.pieces.push(Piece { element: j as u32, place: [s, t, side], factor, radiosity });
+            let at = [s + 0.5 * side, t + 0.5 * side];
+            let own = || around(self.corners[j], Spectrum::from(self.solution.irradiance[j].map(|h| h as f32)), at);
+            let h = self.near.as_ref().and_then(|near| near.irradiance(j, at)).unwrap_or_else(own);
+            let mut radiosity = self.reflecting(j, h);
+            if scratch.reflected_only {
+                (0..3).for_each(|c| radiosity[c] -= self.solution.system.emission[j][c]);
+            }
+            scratch.pieces.push(Piece {
+                element: j as u32,
+                place: [s, t, side],
+                factor,
+                radiosity,
+                seen: 0.0,
+                arriving: [0.0; 3],
+                n_rays: 0,
+            });
         }
     }
 
