@@ -359,9 +359,9 @@ fn what_passes_a_pane_is_not_absorbed_by_it() {
 
 /// The twin: without transmittances what passed is taken off what escapes.
 fn twin(solution: &radiosity::Solution, escaped: f64, least: f64) {
-    let radiosity::Solution { row_sums, irradiance, radiosity, unshot, .. } = solution;
+    let radiosity::Solution { sums, irradiance, radiosity, unshot, .. } = solution;
     let system = radiosity::system::System { transmittance: Vec::new(), ..solution.system.clone() };
-    let balance = system.balance(row_sums, irradiance, radiosity, unshot);
+    let balance = system.balance(sums, irradiance, radiosity, unshot);
     let off = (balance.escaped[0] / balance.emitted[0] - escaped).abs();
     assert!(off > least, "the twin is off by {off}");
 }
