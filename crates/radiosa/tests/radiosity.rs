@@ -191,6 +191,32 @@ fn no_light_leaks_under_a_thin_wall_on_a_floor_of_two_rooms() {
 }
 
 #[test]
+fn walls_that_go_on_behind_a_ceiling_are_shown_as_bright_as_they_are() {
+    // A furnace under a dim one. The walls of both are coplanar and end where the ceiling between them stands, so nothing is cut there.
+    let mut scene = Scene::new("one above the other");
+    scene.materials = vec![furnace(0.5, 0.5), furnace(0.5, 0.005)];
+    let room = |all: &[usize], material: u32| all.iter().map(|&f| (inwards(FACES[f]), material)).collect::<Vec<_>>();
+    add_quads(&mut scene, corners_of_box([0.0; 3], [2.0; 3]), &room(&[0, 1, 2, 4, 5], 0));
+    add_quads(&mut scene, corners_of_box([0.0, 2.0, 0.0], [2.0, 3.0, 2.0]), &room(&[0, 1, 3, 4, 5], 1));
+    add_quads(&mut scene, corners_of_box([0.0, 2.0, 0.0], [2.0, 3.0, 2.0]), &[(FACES[2], 0)]);
+    let world = World::prepare(scene, CpuPath::detect()).expect("it is valid");
+    let mesh = mesh::Settings { elements: 1000, ..Default::default() };
+    let solution = radiosity::solve(&world, &radiosity::Settings { mesh, ..Default::default() });
+    let corners = radiosity::display::corner_values(&world, &solution.mesh, &solution.radiosity);
+    let mut n = [0; 2];
+    for (element, corners) in solution.mesh.elements().iter().zip(&corners).filter(|(e, _)| e.area > 0.0 && e.normal.y == 0.0) {
+        let is_above = (element.centre() + world.origin()).y > 2.0;
+        n[usize::from(is_above)] += 1;
+        for corner in corners {
+            // The twin is what a mean over both sides of the ceiling would be: half.
+            let off = (corner.g - if is_above { 0.01 } else { 1.0 }).abs();
+            assert!(off < 0.01, "{corner:?} at {:?}", element.centre() + world.origin());
+        }
+    }
+    assert!(n[0] > 100 && n[1] > 50, "{n:?}");
+}
+
+#[test]
 fn elements_cut_along_contact_lines_cover_their_patches_once() {
     for (name, (world, _)) in [("on", two_furnaces(0.0)), ("through", two_furnaces(0.1))] {
         let direct = &radiosa::radiosity::direct::DirectLight::new(&world, &[], 0);

@@ -26,7 +26,8 @@ pub(super) fn extrapolate(world: &World, mesh: &ElementMesh, first: usize, value
         let mut steps: [Option<[f64; 3]>; 4] = [None; 4];
         for (k, f) in mesh.neighbours(element).enumerate() {
             let (other, at) = (&mesh.elements()[f], (c[k] + c[(k + 1) % c.len()]) * 0.5);
-            if f != e && other.exposed() > 0.5 && is_open(world, mesh, [element, other], at) {
+            let is_known = mesh.is_at_contact(element) || mesh.is_at_contact(other);
+            if f != e && other.exposed() > 0.5 && (!is_known || is_open(world, [element, other], at)) {
                 let [near, far] = [centre, other.centre()].map(|c| (c - at).length());
                 let share = near / (near + far).max(f64::MIN_POSITIVE);
                 steps[k] = Some(std::array::from_fn(|i| share * (values[f][i] - own[i])));
@@ -45,11 +46,8 @@ pub(super) fn extrapolate(world: &World, mesh: &ElementMesh, first: usize, value
     }
 }
 
-/// Nothing stands on the surface between two elements where they meet, as far as contact lines are known there.
-pub(super) fn is_open(world: &World, mesh: &ElementMesh, elements: [&Element; 2], at: DVec3) -> bool {
-    if !elements.iter().any(|e| mesh.is_at_contact(e)) {
-        return true;
-    }
+/// Nothing stands on the surface between two elements where they meet.
+pub(super) fn is_open(world: &World, elements: [&Element; 2], at: DVec3) -> bool {
     let [p, q] = elements.map(|e| at + (e.centre() - at) * ASIDE);
     let high = (q - p).length() * HIGH;
     let [p, q] = [(elements[0], p), (elements[1], q)].map(|(e, p)| e.lift().in_front(p + e.normal * high));

@@ -16,7 +16,7 @@ use std::collections::HashMap;
 
 use super::corners;
 use super::direct::DirectLight;
-use super::mesh::ElementMesh;
+use super::mesh::{Element, ElementMesh};
 use super::sides::Side;
 use super::solution::Solution;
 use crate::accel::Hit;
@@ -252,6 +252,15 @@ fn of_triangle(n: usize, cells: &[Cell], side: Side, out: &mut [[Spectrum; 4]]) 
     }
 }
 
+/// Something may stand between two elements where they meet: a contact line is known there, or their light steps. Where a surface ends just where another
+/// stands on it, no element was cut.
+fn may_be_parted(mesh: &ElementMesh, [a, b]: [&Element; 2], [u, v]: [Spectrum; 2]) -> bool {
+    const STEP: f32 = 0.1;
+    mesh.is_at_contact(a)
+        || mesh.is_at_contact(b)
+        || (u - v).map(f32::abs).max_channel() > STEP * u.max_channel().max(v.max_channel())
+}
+
 /// Averages what meets in one place and belongs to one smooth surface.
 fn join(world: &World, mesh: &ElementMesh, corners: &mut [[Spectrum; 4]]) {
     let elements = mesh.elements();
@@ -290,7 +299,8 @@ fn join(world: &World, mesh: &ElementMesh, corners: &mut [[Spectrum; 4]]) {
                             let same = mesh.patches()[b.patch as usize].instance == instance;
                             a.normal.dot(b.normal) > if smooth[instance.index()] && same { SMOOTH } else { COPLANAR }
                         }
-                        && corners::is_open(world, mesh, [a, b], a.corners()[usize::from(k)]);
+                        && (!may_be_parted(mesh, [a, b], [old[own], old[other]])
+                            || corners::is_open(world, [a, b], a.corners()[usize::from(k)]));
                 if together {
                     sum += old[other];
                     n += 1.0;
