@@ -12,7 +12,7 @@ use std::collections::HashMap;
 
 use super::Incident;
 use crate::math::rounding::gamma;
-use crate::math::{Affine3A, DMat3, DVec2, DVec3, Vec3, function};
+use crate::math::{Affine3A, Bounds, DMat3, DVec2, DVec3, Vec3, Vec3A, function};
 use crate::scene::InstanceId;
 use crate::spectrum::Spectrum;
 
@@ -32,9 +32,6 @@ pub struct PointSample {
 }
 
 impl PointSample {
-    /// Gives nothing.
-    pub const DARK: Self = Self { position: Vec3::ZERO, normal: Vec3::Y, radiance: Spectrum::BLACK, area: 0.0, two_sided: false };
-
     /// What arrives at `p`; nothing behind a one-sided piece, in its plane, or on the very point.
     pub fn incident(&self, p: Vec3) -> Option<Incident> {
         let to_light = self.position - p;
@@ -270,6 +267,30 @@ fn allot(emitters: &[PlanarEmitter], which: &[usize], sides: &mut [u32], budget:
 }
 
 impl EmissiveShape {
+    /// The box around it.
+    pub fn bounds(&self) -> Bounds {
+        // A sphere's image reaches as far along each axis as the length of that row of the map; a disc lacks the middle column.
+        let around = |m: &Affine3A, columns: [Vec3A; 3]| {
+            let reach = columns.iter().fold(Vec3A::ZERO, |sum, c| sum + *c * *c).to_array().map(f32::sqrt);
+            let (centre, reach) = (Vec3::from(m.translation), Vec3::from_array(reach));
+            Bounds::of([centre - reach, centre + reach])
+        };
+        match self {
+            Self::Triangle(p) => Bounds::of(*p),
+            Self::Sphere(m) => around(m, [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis]),
+            Self::Disc(m) => around(m, [m.matrix3.x_axis, Vec3A::ZERO, m.matrix3.z_axis]),
+        }
+    }
+
+    /// The front, as long as the area; zero for spheres, whose fronts are everywhere.
+    pub fn area_vector(&self) -> Vec3 {
+        match self {
+            Self::Triangle(p) => (triangle_vector(*p) * 0.5).as_vec3(),
+            Self::Sphere(_) => Vec3::ZERO,
+            Self::Disc(m) => (normal_map(m) * DVec3::Y * std::f64::consts::PI).as_vec3(),
+        }
+    }
+
     /// m².
     pub fn area(&self) -> f64 {
         match self {

@@ -20,7 +20,9 @@ pub mod hemispherical;
 pub mod point;
 pub mod random;
 pub mod reduce;
+mod seen;
 pub mod spot;
+mod tree;
 
 use crate::math::{DVec3, Vec3};
 use crate::scene::{Light, LightKind};

@@ -31,12 +31,23 @@ pub fn unit_f32(bits: u32) -> f32 {
 pub struct Stream {
     key: u64,
     dimension: u64,
+    /// Of the pixel, the same for all its samples.
+    pixel: u64,
+    sample: u32,
 }
 
 impl Stream {
     /// From the start.
     pub fn new(seed: u64, pixel: u64, sample: u64) -> Self {
-        Self { key: key(&[seed, pixel, sample]), dimension: 0 }
+        Self { key: key(&[seed, pixel, sample]), dimension: 0, pixel: key(&[seed, pixel]), sample: sample as u32 }
+    }
+
+    /// The next `n` points of a low-discrepancy set that all samples of the pixel share, so that together they are even, too: the key of the set and
+    /// the first of the points, for [`sequence`](super::sequence).
+    pub fn next_set(&mut self, n: u32) -> (u64, u32) {
+        let key = mix(self.pixel.wrapping_add(self.dimension.wrapping_mul(GAMMA)));
+        self.dimension += 1;
+        (key, self.sample.wrapping_mul(n))
     }
 
     /// The bits of any dimension.
@@ -83,6 +94,19 @@ mod tests {
         for other in [Stream::new(2, 2, 3), Stream::new(1, 3, 2), Stream::new(1, 3, 3), Stream::new(1, 2, 4)] {
             assert_ne!(other.bits(0), b.bits(0));
         }
+    }
+
+    #[test]
+    fn samples_of_a_pixel_share_their_sets() {
+        let sets = |pixel: u64, sample: u64| {
+            let mut stream = Stream::new(1, pixel, sample);
+            [stream.next_set(8), stream.next_set(3)]
+        };
+        let (a, b) = (sets(5, 0), sets(5, 2));
+        assert_eq!([a[0].0, a[1].0], [b[0].0, b[1].0]);
+        assert_eq!([a[0].1, a[1].1, b[0].1, b[1].1], [0, 0, 16, 6]);
+        assert_ne!(a[0].0, a[1].0);
+        assert_ne!(a[0].0, sets(6, 0)[0].0);
     }
 
     #[test]

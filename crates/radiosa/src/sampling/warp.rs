@@ -60,6 +60,25 @@ pub fn uniform_triangle(u: Vec2) -> [f32; 3] {
     [a, b, (1.0 - a - b).max(0.0)]
 }
 
+/// The square in proportion to the bilinear function with these values, not negative, at its corners (0,0), (1,0), (0,1), (1,1); the point and its
+/// density.
+pub fn bilinear([a, b, c, d]: [f32; 4], u: Vec2) -> (Vec2, f32) {
+    let between = |t: f32, from: f32, to: f32| from + t * (to - from);
+    // Inverts t ↦ ∫₀ᵗ (f + s (g − f)) ds / ((f + g)/2).
+    let linear = |u: f32, f: f32, g: f32| {
+        let root = between(u, f * f, g * g).max(0.0).sqrt();
+        if f + root > 0.0 { (u * (f + g) / (f + root)).min(ONE_BELOW) } else { u }
+    };
+    let y = linear(u.y, a + b, c + d);
+    let (left, right) = (between(y, a, c), between(y, b, d));
+    let x = linear(u.x, left, right);
+    let sum = a + b + c + d;
+    (Vec2::new(x, y), if sum > 0.0 { 4.0 * between(x, left, right) / sum } else { 1.0 })
+}
+
+/// The largest number below one.
+const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
+
 fn at_height(z: f32, turn: f32) -> Vec3 {
     let r = ((1.0 - z) * (1.0 + z)).max(0.0).sqrt();
     let phi = 2.0 * PI * turn;
@@ -124,6 +143,35 @@ mod tests {
         assert!((integral(&cosine_hemisphere_pdf) - 1.0).abs() < 1e-5);
         assert!((integral(&uniform_hemisphere_pdf) - 1.0).abs() < 1e-5);
         assert!((integral(&|w| uniform_cone_pdf(w, 0.75)) - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn bilinear_points_follow_their_density() {
+        for corners in [[1.0f32, 1.0, 1.0, 1.0], [0.1, 1.0, 0.3, 2.0], [0.0, 0.0, 1.0, 3.0], [1.0, 0.0, 0.0, 0.0]] {
+            let mut stream = Stream::new(9, 0, 0);
+            const CELLS: usize = 8;
+            let (mut count, mut inverse) = ([0.0; CELLS * CELLS], 0.0);
+            let n = 200_000;
+            for _ in 0..n {
+                let (p, pdf) = bilinear(corners, stream.next_2d());
+                assert!(p.cmpge(Vec2::ZERO).all() && p.cmplt(Vec2::ONE).all() && pdf > 0.0);
+                count[(p.y * CELLS as f32) as usize * CELLS + (p.x * CELLS as f32) as usize] += 1.0;
+                inverse += f64::from(1.0 / pdf) / f64::from(n);
+            }
+            // A bilinear function's mean over a cell is its value in the middle.
+            let value = |x: f64, y: f64| {
+                let [a, b, c, d] = corners.map(f64::from);
+                (1.0 - y) * ((1.0 - x) * a + x * b) + y * ((1.0 - x) * c + x * d)
+            };
+            let middle = |i: usize| (i as f64 + 0.5) / CELLS as f64;
+            let sum = corners.iter().map(|c| f64::from(*c)).sum::<f64>() / 4.0;
+            let expected = |k: usize| f64::from(n) * value(middle(k % CELLS), middle(k / CELLS)) / sum / (CELLS * CELLS) as f64;
+            let chi_square: f64 = (0..CELLS * CELLS).map(|k| (count[k] - expected(k)).powi(2) / expected(k)).sum();
+            // 63 degrees of freedom: once in 10⁶ runs.
+            assert!(chi_square < 126.0, "{corners:?}: {chi_square}");
+            // ∫ 1/p · p = 1 where p is nowhere 0.
+            assert!(corners.contains(&0.0) || (inverse - 1.0).abs() < 0.03, "{corners:?}: {inverse}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::media::{self, Media};
 use super::{Glass, Passage, Shading, Surface, World};
 use crate::bsdf::Bsdf;
 use crate::bsdf::fresnel::Weighing;
-use crate::emitter::area::{self, PointSample};
+use crate::emitter::area;
 use crate::emitter::environment::Sky;
 use crate::emitter::random::PointSampler;
 use crate::emitter::{Emitter, EnvironmentShadows, Incident};
@@ -197,12 +197,12 @@ impl Lights {
         };
         // A few at a time, so that nothing is allocated.
         let mut light = LocalLight::default();
-        let key = u64::from(stream.next_u32()) << 32 | u64::from(stream.next_u32());
-        let mut points = [PointSample::DARK; POINTS_AT_ONCE];
+        let (key, start) = stream.next_set(n);
+        let mut points = [None; POINTS_AT_ONCE];
         for first in (0..n).step_by(POINTS_AT_ONCE) {
             let here = (n - first).min(POINTS_AT_ONCE as u32);
             for (i, point) in points.iter_mut().take(here as usize).enumerate() {
-                *point = sampler.point(first + i as u32, n, key);
+                *point = sampler.incident((surface.p, shading.n), start.wrapping_add(first + i as u32), n, key);
             }
             let emitters = if first == 0 { &self.emitters[..] } else { &[] };
             let part = self.gather(world, surface, shading, passage, (emitters, &points[..here as usize]), n_rays);
@@ -220,7 +220,7 @@ impl Lights {
         surface: &Surface,
         shading: &Shading,
         passage: Option<Passage<'_>>,
-        (emitters, points): (&[Emitter], &[PointSample]),
+        (emitters, points): (&[Emitter], &[Option<Incident>]),
         n_rays: &mut u64,
     ) -> LocalLight {
         let mut light = LocalLight { ambient: shading.bsdf.ambient() * self.ambient, ..LocalLight::default() };
@@ -284,7 +284,7 @@ impl Lights {
             light.diffuse += lambertian_radiance(shading.bsdf.diffuse_reflectance(), emitter.irradiance(shading.n));
             emitter.for_each_incident(surface.p, &mut |incident| reflect(incident, &mut light));
         }
-        for incident in points.iter().filter_map(|point| point.incident(surface.p)) {
+        for incident in points.iter().copied().flatten() {
             reflect(incident, &mut light);
         }
         if let Some(mut batch) = batch {

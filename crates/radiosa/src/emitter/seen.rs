@@ -1,0 +1,322 @@
+//! An emissive surface as a place sees it, and points drawn on it from there: uniformly over the solid angle of triangles [Arvo95], of spheres over
+//! their cone, by area where the surface is small or the shape has no such map.
+
+use std::f32::consts::{PI, TAU};
+
+use super::Incident;
+use super::area::{EmissiveShape, EmissiveSurface, normal_map};
+use crate::math::rounding::gamma;
+use crate::math::{Affine3A, DVec3, Frame, Vec2, Vec3, function};
+use crate::sampling::warp;
+
+/// Triangles smaller than this (sr) are drawn by area, which is as good there and cheaper.
+const SMALL: f32 = 0.02;
+/// Triangles larger than this are seen from within rounding of their plane.
+const LARGE: f32 = 6.2;
+/// Cosines at the corners of a triangle count at least this much: in between they can be larger.
+const LEAST_COS: f32 = 0.1;
+
+/// An emissive surface seen from a place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen<'a> {
+    pub(super) surface: &'a EmissiveSurface,
+    /// About the irradiance it gives without anything between; 0 only where it gives none.
+    pub(super) importance: f32,
+    how: How,
+}
+
+/// How points on it are drawn.
+#[derive(Clone, Copy, Debug)]
+enum How {
+    /// Uniformly over the surface.
+    Area,
+    /// Over the triangle's solid angle, weighted by the cosines at its corners.
+    Triangle { solid_angle: f32, cos: [f32; 3] },
+    /// Over the cone around a sphere.
+    Sphere { to_centre: Vec3, distance2: f32, radius: f32, one_minus_cos: f32 },
+}
+
+impl<'a> Seen<'a> {
+    /// From `p` with normal `n`; `None` when nothing of it can arrive there.
+    pub(super) fn new(surface: &'a EmissiveSurface, p: Vec3, n: Vec3) -> Option<Self> {
+        let radiance = surface.radiance.luminance();
+        let (share, how) = match &surface.shape {
+            EmissiveShape::Triangle(corners) => {
+                let [a, b, c] = corners.map(|corner| corner - p);
+                let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+                // Six times the volume of the tetrahedron, positive in front. The area's vector is exact where the directions would cancel.
+                let volume = -a.dot(normal);
+                if volume == 0.0 || (volume < 0.0 && !surface.two_sided) {
+                    return None;
+                }
+                let [la, lb, lc] = [a, b, c].map(Vec3::length);
+                let cosines = [n.dot(a) / la, n.dot(b) / lb, n.dot(c) / lc];
+                if cosines.iter().all(|cos| *cos <= 0.0) {
+                    return None;
+                }
+                let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+                let solid_angle = 2.0 * function::atan2(volume.abs(), below);
+                let middle = (a / la + b / lb + c / lc).normalize_or_zero();
+                let cos = cosines.map(|cos| cos.max(0.0));
+                let mean = 0.25 * (cos.iter().sum::<f32>() + n.dot(middle).max(0.0));
+                let is_large = (SMALL..LARGE).contains(&solid_angle);
+                let how =
+                    if is_large { How::Triangle { solid_angle, cos: cos.map(|cos| cos.max(LEAST_COS)) } } else { How::Area };
+                (solid_angle * mean, how)
+            }
+            EmissiveShape::Sphere(m) => {
+                let (centre, radius, is_round) = sphere(m);
+                let to_centre = centre - p;
+                let distance2 = to_centre.length_squared();
+                let sin2 = radius * radius / distance2;
+                if sin2 >= 1.0 {
+                    // Within a round one only its inside is seen; within the ball around an ellipsoid anything may be.
+                    return (surface.two_sided || !is_round).then_some(Self {
+                        surface,
+                        importance: radiance * PI,
+                        how: How::Area,
+                    });
+                }
+                let cos_cone = (1.0 - sin2).sqrt();
+                let one_minus_cos = sin2 / (1.0 + cos_cone);
+                let cos = n.dot(to_centre) / distance2.sqrt();
+                // The cosine of where it is highest.
+                let highest = if cos >= cos_cone { 1.0 } else { cos * cos_cone + ((1.0 - cos * cos) * sin2).max(0.0).sqrt() };
+                if highest <= 0.0 {
+                    return None;
+                }
+                let how = if is_round { How::Sphere { to_centre, distance2, radius, one_minus_cos } } else { How::Area };
+                (TAU * one_minus_cos * 0.5 * (highest + cos.max(0.0)), how)
+            }
+            EmissiveShape::Disc(m) => {
+                let (centre, radius, _) = sphere(m);
+                let normal = (normal_map(m) * DVec3::Y).as_vec3();
+                let to_centre = centre - p;
+                let distance2 = to_centre.length_squared();
+                let height = -normal.dot(to_centre);
+                if height == 0.0 || (height < 0.0 && !surface.two_sided) {
+                    return None;
+                }
+                let reach2 = distance2 + radius * radius;
+                let above = n.dot(to_centre) + radius;
+                if above <= 0.0 {
+                    return None;
+                }
+                // π r² cosθ′/(d² + r²), exact on the axis; the normal's length is the area over π.
+                let share = PI * height.abs() / distance2.sqrt() / reach2;
+                (share * (above / reach2.sqrt()).min(1.0), How::Area)
+            }
+        };
+        let importance = radiance * share;
+        (importance > 0.0 && importance.is_finite()).then_some(Self { surface, importance, how })
+    }
+
+    /// What a point drawn by `u` brings to `p` where each point stands for `1/density` of them: `E_⊥` such that its mean is the irradiance.
+    pub(super) fn incident(&self, p: Vec3, u: Vec2, density: f32) -> Option<Incident> {
+        let radiance = self.surface.radiance;
+        let (position, normal, wi, distance, share) = match (&self.how, &self.surface.shape) {
+            (How::Triangle { solid_angle, cos }, EmissiveShape::Triangle(corners)) => {
+                let (u, pdf) = warp::bilinear([cos[1], cos[1], cos[0], cos[2]], u);
+                let (wi, distance) = on_spherical_triangle(corners, p, f64::from(*solid_angle), u)?;
+                let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
+                (p + wi * distance, normal, wi, distance, solid_angle / pdf)
+            }
+            (How::Sphere { to_centre, distance2, radius, one_minus_cos }, _) => {
+                let local = {
+                    let down = u.x * one_minus_cos;
+                    let r = (down * (2.0 - down)).max(0.0).sqrt();
+                    let phi = TAU * u.y;
+                    Vec3::new(r * function::cos(phi), r * function::sin(phi), 1.0 - down)
+                };
+                let wi = Frame::from_normal(to_centre.normalize_or_zero()).to_world(local);
+                // The nearer end of the chord; at the rim rounding may leave none.
+                let along = to_centre.dot(wi);
+                let distance = along - (along * along - (distance2 - radius * radius)).max(0.0).sqrt();
+                let position = p + wi * distance;
+                let normal = (wi * distance - *to_centre).normalize_or_zero();
+                (position, normal, wi, distance, TAU * one_minus_cos)
+            }
+            (_, shape) => {
+                let (position, normal, area) = on_shape(shape, u);
+                let to_light = position - p;
+                let distance = to_light.length();
+                let wi = to_light / distance;
+                let cos = -normal.dot(wi);
+                let cos = if self.surface.two_sided { cos.abs() } else { cos };
+                if cos.is_nan() || cos <= 0.0 {
+                    return None;
+                }
+                (position, normal, wi, distance, area * cos / distance / distance)
+            }
+        };
+        let irradiance = radiance * (share / density);
+        irradiance.is_finite().then(|| {
+            // A few roundings lead from the surface's vertices to the point; the ray's end stays clear of them.
+            let clear = normal * (position.abs().max_element() * gamma(16));
+            let target = if normal.dot(wi) < 0.0 { position + clear } else { position - clear };
+            Incident { wi, distance, target: Some(target), diffuse: irradiance, specular: irradiance, casts_shadow: true }
+        })
+    }
+}
+
+/// Centre, radius of the ball around it, and whether it is round.
+fn sphere(m: &Affine3A) -> (Vec3, f32, bool) {
+    let m3 = m.matrix3;
+    let lengths = [m3.x_axis, m3.y_axis, m3.z_axis].map(|axis| axis.length());
+    let longest = lengths.into_iter().fold(0.0, f32::max);
+    let skew = m3.x_axis.dot(m3.y_axis).abs() + m3.y_axis.dot(m3.z_axis).abs() + m3.z_axis.dot(m3.x_axis).abs();
+    let is_round = skew <= 1e-5 * longest * longest && lengths.iter().all(|l| (l - longest).abs() <= 1e-5 * longest);
+    // Skewed axes reach farther than the longest of them.
+    let radius = if is_round { longest } else { lengths.iter().map(|l| l * l).sum::<f32>().sqrt() };
+    (m.translation.into(), radius, is_round)
+}
+
+/// Direction and distance of a point of a triangle, uniform over the solid angle seen from `p` [Arvo95]: a plane through the first corner cuts off the
+/// part `u.x` of it, and the point lies on the arc from the second corner to where that plane meets the far edge.
+fn on_spherical_triangle(corners: &[Vec3; 3], p: Vec3, solid_angle: f64, u: Vec2) -> Option<(Vec3, f32)> {
+    let corners = corners.map(|corner| corner.as_dvec3() - p.as_dvec3());
+    let [a, b, c] = corners.map(DVec3::normalize);
+    // The angle at A, between the planes through AB and AC.
+    let (ab, ac) = (a.cross(b).try_normalize()?, a.cross(c).try_normalize()?);
+    let (cos_a, sin_a) = (ab.dot(ac), ab.cross(ac).length());
+    let part = f64::from(u.x) * solid_angle;
+    let (sin_s, cos_s) = (function::sin_f64(part), function::cos_f64(part));
+    // sin and cos of part − A.
+    let (sin_t, cos_t) = (sin_s * cos_a - cos_s * sin_a, cos_s * cos_a + sin_s * sin_a);
+    let (du, dv) = (cos_t - cos_a, sin_t + sin_a * a.dot(b));
+    let q = ((dv * cos_t - du * sin_t) * cos_a - dv) / ((dv * sin_t + du * cos_t) * sin_a);
+    let q = if q.is_finite() { q.clamp(-1.0, 1.0) } else { 1.0 };
+    let beside = |x: DVec3, y: DVec3| (x - y * x.dot(y)).normalize_or_zero();
+    let end = a * q + beside(c, a) * (1.0 - q * q).sqrt();
+    let z = 1.0 - f64::from(u.y) * (1.0 - end.dot(b));
+    let wi = b * z + beside(end, b) * (1.0 - z * z).max(0.0).sqrt();
+    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+    let distance = corners[0].dot(normal) / wi.dot(normal);
+    (distance > 0.0 && distance.is_finite()).then(|| (wi.as_vec3(), distance as f32))
+}
+
+/// A point of a shape, its normal, and the area over its density.
+fn on_shape(shape: &EmissiveShape, u: Vec2) -> (Vec3, Vec3, f32) {
+    match shape {
+        EmissiveShape::Triangle([a, b, c]) => {
+            let [s, t, r] = warp::uniform_triangle(u);
+            let vector = (b - a).as_dvec3().cross((c - a).as_dvec3());
+            (*a * s + *b * t + *c * r, vector.normalize_or_zero().as_vec3(), (0.5 * vector.length()) as f32)
+        }
+        EmissiveShape::Sphere(m) => {
+            let local = warp::uniform_sphere(u);
+            // dA of the image is |N local| dA of the unit sphere.
+            let scaled = normal_map(m) * local.as_dvec3();
+            let area = 4.0 * std::f64::consts::PI * scaled.length();
+            (m.transform_point3(local), scaled.normalize_or_zero().as_vec3(), area as f32)
+        }
+        EmissiveShape::Disc(m) => {
+            let p = warp::uniform_disc(u);
+            let scaled = normal_map(m) * DVec3::Y;
+            let area = std::f64::consts::PI * scaled.length();
+            (m.transform_point3(Vec3::new(p.x, 0.0, p.y)), scaled.normalize_or_zero().as_vec3(), area as f32)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Mat3;
+    use crate::sampling::sequence;
+    use crate::scene::InstanceId;
+    use crate::spectrum::Spectrum;
+
+    fn surface(shape: EmissiveShape, two_sided: bool) -> EmissiveSurface {
+        EmissiveSurface { shape, radiance: Spectrum::gray(2.0), two_sided, instance: InstanceId(0), primitive: 0 }
+    }
+
+    /// The irradiance of `p` by the midpoint rule over the surface, L = 2; a twin may leave out the receiver's horizon.
+    fn by_quadrature(s: &EmissiveSurface, p: Vec3, n: Vec3, with_horizon: bool) -> f64 {
+        const N: u32 = 600;
+        let mut sum = 0.0;
+        for i in 0..N * N {
+            let u = Vec2::new(((i % N) as f32 + 0.5) / N as f32, ((i / N) as f32 + 0.5) / N as f32);
+            let (position, normal, area) = on_shape(&s.shape, u);
+            let d = (position - p).as_dvec3();
+            let cos_out = -d.dot(normal.as_dvec3());
+            let cos_out = if s.two_sided { cos_out.abs() } else { cos_out.max(0.0) };
+            let cos_in = d.dot(n.as_dvec3());
+            let cos_in = if with_horizon { cos_in.max(0.0) } else { cos_in };
+            sum += 2.0 * f64::from(area) * cos_out * cos_in / d.length_squared().powi(2);
+        }
+        sum / f64::from(N * N)
+    }
+
+    /// The mean over random points and its standard error.
+    fn by_points(s: &EmissiveSurface, p: Vec3, n: Vec3) -> (f64, f64) {
+        const RUNS: u64 = 64;
+        const POINTS: u32 = 256;
+        let run = |key: u64| {
+            let Some(seen) = Seen::new(s, p, n) else { return 0.0 };
+            (0..POINTS)
+                .filter_map(|i| seen.incident(p, sequence::point_2d(i, key), POINTS as f32))
+                .map(|incident| f64::from(incident.diffuse.g) * f64::from(incident.wi.dot(n).max(0.0)))
+                .sum::<f64>()
+        };
+        let runs: Vec<f64> = (0..RUNS).map(run).collect();
+        let mean = runs.iter().sum::<f64>() / RUNS as f64;
+        let variance = runs.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / (RUNS - 1) as f64;
+        (mean, (variance / RUNS as f64).sqrt())
+    }
+
+    #[test]
+    fn points_on_every_shape_bring_its_light() {
+        let triangle = EmissiveShape::Triangle([Vec3::new(-1.0, -0.5, 1.0), Vec3::new(0.3, 1.5, 1.2), Vec3::new(1.0, -0.8, 0.9)]);
+        let ball = EmissiveShape::Sphere(Affine3A::from_scale_rotation_translation(
+            Vec3::splat(0.7),
+            crate::math::DQuat::IDENTITY.as_quat(),
+            Vec3::new(0.2, -0.1, 1.5),
+        ));
+        let egg = EmissiveShape::Sphere(Affine3A::from_mat3_translation(
+            Mat3::from_diagonal(Vec3::new(0.3, 0.9, 0.5)),
+            Vec3::new(0.2, -0.1, 1.5),
+        ));
+        let disc = EmissiveShape::Disc(Affine3A::from_mat3_translation(
+            Mat3::from_cols(Vec3::new(0.8, 0.0, 0.2), Vec3::new(-0.2, 0.0, -1.0), Vec3::new(0.0, -0.9, 0.1)),
+            Vec3::new(0.2, -0.1, 1.5),
+        ));
+        let flat = EmissiveShape::Triangle([Vec3::new(-3.0, -2.0, 0.05), Vec3::new(3.0, -2.0, 0.05), Vec3::new(0.0, 4.0, 0.05)]);
+        let far = EmissiveShape::Triangle([Vec3::new(30.0, 0.0, 20.0), Vec3::new(30.0, 0.1, 20.0), Vec3::new(30.0, 0.0, 20.1)]);
+        let mut beyond_the_horizon = 0;
+        for (name, shape) in [("triangle", triangle), ("ball", ball), ("egg", egg), ("disc", disc), ("flat", flat), ("far", far)]
+        {
+            for n in [Vec3::Z, Vec3::new(0.8, 0.0, 0.6), Vec3::new(0.0, -0.9, -0.435_889_9), Vec3::NEG_Z] {
+                // The far half of a closed shape is hidden by the near one.
+                let s = surface(shape, !matches!(shape, EmissiveShape::Sphere(_)));
+                let (mean, error) = by_points(&s, Vec3::ZERO, n);
+                let expected = by_quadrature(&s, Vec3::ZERO, n, true);
+                let bound = 4.5 * error + 2e-3 * expected + 1e-6;
+                assert!((mean - expected).abs() < bound, "{name}, {n}: {mean} ± {error} instead of {expected}");
+                let without = by_quadrature(&s, Vec3::ZERO, n, false);
+                beyond_the_horizon += u32::from((mean - without).abs() > bound);
+                // Nearly all the noise of what is above the horizon is gone.
+                assert!(error < 0.02 * expected + 1e-6 || n.z < 1.0, "{name}: {mean} ± {error}");
+            }
+        }
+        assert!(beyond_the_horizon >= 6, "the twin without a horizon is caught {beyond_the_horizon} times");
+    }
+
+    #[test]
+    fn the_inside_of_a_ball_is_dark_unless_it_emits_to_both_sides() {
+        let ball = EmissiveShape::Sphere(Affine3A::IDENTITY);
+        let p = Vec3::new(0.1, 0.2, -0.3);
+        assert!(Seen::new(&surface(ball, false), p, Vec3::Z).is_none());
+        let (mean, error) = by_points(&surface(ball, true), p, Vec3::Z);
+        let expected = 2.0 * std::f64::consts::PI;
+        assert!((mean - expected).abs() < 4.5 * error + 1e-3, "{mean} ± {error}");
+    }
+
+    #[test]
+    fn one_sided_shapes_give_nothing_behind() {
+        let triangle = EmissiveShape::Triangle([Vec3::new(-1.0, -1.0, 1.0), Vec3::new(1.0, -1.0, 1.0), Vec3::new(0.0, 1.0, 1.0)]);
+        assert!(Seen::new(&surface(triangle, false), Vec3::ZERO, Vec3::Z).is_none());
+        assert!(Seen::new(&surface(triangle, true), Vec3::ZERO, Vec3::Z).is_some());
+        assert!(Seen::new(&surface(triangle, false), Vec3::Z * 2.0, Vec3::NEG_Z).is_some());
+    }
+}
