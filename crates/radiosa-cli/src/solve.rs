@@ -23,10 +23,20 @@ use crate::progress;
 use crate::render::output::{self, tell};
 use crate::render::{plan, with_threads};
 
+/// What the options ask for when a hybrid gathers from the solution: no element is ever seen, so that fewer do.
+pub(crate) fn settings_to_gather_from(options: &Radiosity, seed: u64, extra_lights: &[Light]) -> Settings {
+    let fewer = Radiosity { elements: options.elements.or(Some(1000)), refine: options.refine.or(Some(0)), ..options.clone() };
+    settings(&fewer, seed, extra_lights)
+}
+
 /// What the options ask for.
 pub(crate) fn settings(options: &Radiosity, seed: u64, extra_lights: &[Light]) -> Settings {
     Settings {
-        mesh: mesh::Settings { elements: options.elements, size: options.element_size, ..mesh::Settings::default() },
+        mesh: mesh::Settings {
+            elements: options.elements.unwrap_or(4000),
+            size: options.element_size,
+            ..mesh::Settings::default()
+        },
         solver: match options.solver {
             Solver::Auto => solve::Solver::Auto,
             Solver::Jacobi => solve::Solver::Jacobi,
@@ -51,7 +61,11 @@ pub(crate) fn settings(options: &Radiosity, seed: u64, extra_lights: &[Light]) -
             error: options.error,
             ..solve::Stop::default()
         },
-        refine: refine::Settings { levels: options.refine, threshold: options.refine_step, ..refine::Settings::default() },
+        refine: refine::Settings {
+            levels: options.refine.unwrap_or(1),
+            threshold: options.refine_step,
+            ..refine::Settings::default()
+        },
         medium: Medium { absorption: options.absorption.unwrap_or_default().map(f64::from) },
         extra_lights: extra_lights.to_vec(),
         seed,

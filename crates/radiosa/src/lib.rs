@@ -92,6 +92,8 @@ pub mod raytrace;
 
 pub mod radiosity;
 
+pub mod hybrid;
+
 pub mod measure;
 
 pub mod export;

@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 
 /// Modules by layer, lowest first (`ARCHITECTURE.md` explains them).
-const LAYERS: [&[&str]; 6] = [
+const LAYERS: [&[&str]; 7] = [
     &["math", "spectrum", "radiometry", "sampling"],
     &["scene", "import", "film"],
     &["accel", "raster", "bsdf", "emitter"],
     &["transport"],
     &["scanline", "raytrace", "radiosity"],
+    &["hybrid"],
     &["measure", "export"],
 ];
 

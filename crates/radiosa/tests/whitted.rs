@@ -540,7 +540,7 @@ fn random_points_light_a_place_as_the_emitter_does() {
     let mean = |n: u32| {
         let irradiance = |key: u64| {
             (0..n)
-                .filter_map(|i| sampler.incident((Vec3::ZERO, Vec3::Z), i, n, key))
+                .filter_map(|i| sampler.seen_from(Vec3::ZERO, Vec3::Z).incident(i, n, key))
                 .map(|incident| f64::from(incident.diffuse.g * incident.wi.z))
                 .sum::<f64>()
         };

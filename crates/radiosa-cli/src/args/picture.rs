@@ -64,9 +64,10 @@ pub(crate) struct Picture {
     #[arg(long, value_enum, default_value_t = OnOff::On)]
     pub(crate) transparent_shadows: OnOff,
 
-    /// Rays of each rough reflection and random points of emissive surfaces (Whitted ray tracing); 0: fixed points, one ray
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=4096))]
-    pub(crate) samples: u32,
+    /// Rays of each rough reflection and random points of emissive surfaces (Whitted ray tracing, hybrid); 0: fixed points, one ray [default: 0, for the
+    /// hybrid 4]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
+    pub(crate) samples: Option<u32>,
 
     /// Sample the corners of pixels, and more where they differ by more than this part of white, instead of --spp (ray casting and Whitted
     /// ray tracing) [0.1 when no number is given]
@@ -118,6 +119,14 @@ pub(crate) struct Picture {
     /// Which quantity of a radiosity solution the picture holds
     #[arg(long, value_enum, default_value_t = Show::Radiance, help_heading = "Radiosity")]
     pub(crate) show: Show,
+
+    /// Rays of a final gather
+    #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Hybrid")]
+    pub(crate) gather: u32,
+
+    /// How far gathers are interpolated: about the relative error allowed to the irradiance cache; 0: a gather at every camera sample
+    #[arg(long, value_name = "X", default_value_t = 0.2, value_parser = parse_fraction, allow_negative_numbers = true, help_heading = "Hybrid")]
+    pub(crate) cache: f32,
 }
 
 /// What is changed in a scene, whatever is then done with it.
@@ -167,6 +176,8 @@ pub(crate) enum Method {
     Whitted,
     /// Light from surface to surface, solved for the whole scene before it is looked at
     Radiosity,
+    /// Radiosity gathered once more at every pixel; direct light, mirrors and glass by ray tracing
+    Hybrid,
     /// Faces projected, scan converted and z-buffered; local reflection models, no shadows
     Scanline,
 }

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use radiosa::emitter::EnvironmentShadows;
 use radiosa::film::{self, Film, Layer, Pixel};
+use radiosa::hybrid::{self, Hybrid};
 use radiosa::math::Ray;
 use radiosa::radiosity::display::{self, Display};
 use radiosa::raytrace::{RayCast, Whitted, adaptive, ray_cast, tiles, whitted};
@@ -34,7 +35,10 @@ pub(crate) fn choose(picture: &Picture, world: &World) -> Result<Choice, Error> 
         return match picture.method {
             Method::Auto => Ok(Choice { method: Method::Radiosity, why: Some("it is asked for what radiosity knows") }),
             Method::Radiosity => Ok(Choice { method: Method::Radiosity, why: None }),
-            _ => Err(Error::Misuse("--solution and --show irradiance go with --method radiosity".into())),
+            Method::Hybrid if picture.show == args::Show::Radiance => Ok(Choice { method: Method::Hybrid, why: None }),
+            _ => {
+                Err(Error::Misuse("--solution goes with --method radiosity and hybrid, --show irradiance with radiosity".into()))
+            }
         };
     }
     Ok(match picture.method {
@@ -64,13 +68,19 @@ impl Choice {
             Method::Whitted => "whitted",
             Method::Scanline => "scanline",
             Method::Radiosity => "radiosity",
+            Method::Hybrid => "hybrid",
         }
+    }
+
+    /// It knows the light between surfaces.
+    pub(crate) fn solves(self) -> bool {
+        matches!(self.method, Method::Radiosity | Method::Hybrid)
     }
 
     /// What its work is counted in.
     pub(crate) fn unit(self) -> &'static str {
         match self.method {
-            Method::Auto | Method::Raycast | Method::Whitted | Method::Radiosity => "rays",
+            Method::Auto | Method::Raycast | Method::Whitted | Method::Radiosity | Method::Hybrid => "rays",
             Method::Scanline => "triangles",
         }
     }
@@ -106,15 +116,19 @@ impl Choice {
 
 /// The methods that look at an option, where that is not all of them.
 fn methods_of(option: &str) -> Option<&'static [Method]> {
-    use Method::{Radiosity, Raycast, Scanline, Whitted};
+    use Method::{Hybrid, Radiosity, Raycast, Scanline, Whitted};
     Some(match option {
         "interpolation" | "cull" | "tessellation" => &[Scanline],
-        "max-depth" | "min-weight" | "fresnel" | "transparent-shadows" | "samples" => &[Whitted],
-        "adaptive" => &[Raycast, Whitted, Radiosity],
-        "shadows" | "environment-shadows" => &[Raycast, Whitted],
-        "emitters" | "viewer" => &[Raycast, Whitted, Scanline],
-        "solution" | "lamps" | "show" => &[Radiosity],
-        _ if args::Radiosity::options().iter().any(|own| own == option) => &[Radiosity],
+        "max-depth" | "min-weight" | "fresnel" | "transparent-shadows" | "samples" => &[Whitted, Hybrid],
+        "adaptive" => &[Raycast, Whitted, Radiosity, Hybrid],
+        "shadows" => &[Raycast, Whitted, Hybrid],
+        "environment-shadows" => &[Raycast, Whitted],
+        "emitters" => &[Raycast, Whitted, Scanline],
+        "viewer" => &[Raycast, Whitted, Scanline, Hybrid],
+        "gather" | "cache" => &[Hybrid],
+        "lamps" | "show" | "spread" => &[Radiosity],
+        "solution" => &[Radiosity, Hybrid],
+        _ if args::Radiosity::options().iter().any(|own| own == option) => &[Radiosity, Hybrid],
         _ => return None,
     })
 }
@@ -191,7 +205,7 @@ pub(crate) fn light(stage: &Stage, picture: &Picture, choice: Choice) -> Lightin
         lighting.warnings.push(("nothing-to-see", "the camera sees no surface".to_owned()));
     }
     // Radiosity shows light that comes around corners, which nothing cheap finds.
-    let is_dark = seen.visible == 0 && !(has_light && choice.method == Method::Radiosity);
+    let is_dark = seen.visible == 0 && !(has_light && choice.solves());
     if picture.default_light == OnOff::On && !wanted && seen.surfaces > 0 && is_dark {
         let extra_lights = default_light::lights(&stage.camera);
         let helped = Traced::new(stage, picture, choice, &extra_lights);
@@ -204,7 +218,7 @@ pub(crate) fn light(stage: &Stage, picture: &Picture, choice: Choice) -> Lightin
             lighting.extra_lights = extra_lights;
         }
     }
-    if choice.method != Method::Radiosity
+    if !choice.solves()
         && let Some(said) = lighting.traced.lights().note()
     {
         lighting.warnings.push(("emitters", said));
@@ -259,6 +273,20 @@ pub(crate) fn draw(
                 .with_backdrop(default_light::has_backdrop(world, &lighting.extra_lights));
             let drawing = trace(&display, stage, picture, lighting, sampling, watch)?;
             Ok(Drawing { done: drawing.done.min(solved), ..drawing })
+        }
+        Method::Hybrid => {
+            let rings = solve::rings(&picture.radiosity, picture.solution.as_deref())?;
+            let tessellated = radiosa::radiosity::tessellated(world, rings)?;
+            let solved_in = tessellated.as_ref().unwrap_or(world);
+            let settings = solve::settings_to_gather_from(&picture.radiosity, picture.seed, &lighting.extra_lights);
+            let (solution, solved) =
+                solve::saved_or_solved(solved_in, &settings, picture.solution.as_deref(), &watch.work, &watch.progress)?;
+            let mut hybrid = Hybrid::new(world, solved_in, &solution, &hybrid_settings(stage, picture, lighting), view.forward());
+            let mut filling = hybrid::Filling::new(&mut hybrid, view, (sampling.width, sampling.height));
+            let filled = watch.run(&mut filling, world, hybrid::Filling::n_rays);
+            let n_rays = filling.n_rays();
+            let drawing = trace(&hybrid, stage, picture, lighting, sampling, watch)?;
+            Ok(Drawing { done: drawing.done.min(solved).min(filled), count: drawing.count + n_rays, ..drawing })
         }
         Method::Scanline => {
             let settings = scanline_settings(picture, &lighting.extra_lights);
@@ -323,7 +351,7 @@ impl Watch {
     }
 
     /// Runs to the end or until it is to stop; the fraction done.
-    fn run<S: Solver<Solution = Film>>(&self, solver: &mut S, world: &World, count: impl Fn(&S) -> u64) -> f64 {
+    fn run<S: Solver>(&self, solver: &mut S, world: &World, count: impl Fn(&S) -> u64) -> f64 {
         while let Step::Working { done } = solver.step(world) {
             self.progress.update(done, count(solver));
             if interrupt::asked() || self.work.time.is_some_and(|limit| self.start.elapsed() >= limit) {
@@ -369,12 +397,19 @@ fn whitted_settings(stage: &Stage, picture: &Picture, extra_lights: &[Light]) ->
             args::Fresnel::On => whitted::Fresnel::On,
             args::Fresnel::Off => whitted::Fresnel::Off,
         },
-        samples: picture.samples,
+        samples: picture.samples.unwrap_or(0),
         lights: light_settings(picture),
         viewer: viewer(picture),
         extra_lights: extra_lights.to_vec(),
         footprint: footprint(stage, picture),
     }
+}
+
+fn hybrid_settings(stage: &Stage, picture: &Picture, lighting: &Lighting) -> hybrid::Settings {
+    let mut whitted = whitted_settings(stage, picture, &lighting.extra_lights);
+    whitted.samples = picture.samples.unwrap_or(4);
+    whitted.lights.environment_shadows = EnvironmentShadows::On;
+    hybrid::Settings { whitted, rays: picture.gather, cache: picture.cache, seed: picture.seed }
 }
 
 fn scanline_settings(picture: &Picture, extra_lights: &[Light]) -> scanline::Settings {

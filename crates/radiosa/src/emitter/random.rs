@@ -5,7 +5,7 @@
 
 use super::Incident;
 use super::area::EmissiveSurface;
-use super::tree::Tree;
+use super::tree::{self, Tree};
 use crate::math::Vec3;
 use crate::sampling::sequence;
 
@@ -19,10 +19,23 @@ impl PointSampler {
         Self(Tree::new(surfaces))
     }
 
-    /// What point `i` of the set that `key` names brings to `p` with normal `n`, as one of `n_points`: the sum of so many is the light of all surfaces.
-    pub fn incident(&self, (p, n): (Vec3, Vec3), i: u32, n_points: u32, key: u64) -> Option<Incident> {
+    /// As a place with normal `n` sees them.
+    pub fn seen_from(&self, p: Vec3, n: Vec3) -> Place<'_> {
+        Place { tree: self.0.seen_from(p, n), p }
+    }
+}
+
+/// Emissive surfaces as a place sees them.
+pub struct Place<'a> {
+    tree: tree::Place<'a>,
+    p: Vec3,
+}
+
+impl Place<'_> {
+    /// What point `i` of the set that `key` names brings, as one of `n_points`: the sum of so many is the light of all surfaces.
+    pub fn incident(&self, i: u32, n_points: u32, key: u64) -> Option<Incident> {
         let [u, choice] = sequence::point_4d(i, key);
-        let (seen, probability) = self.0.choose(p, n, f64::from(choice.x))?;
-        seen.incident(p, u, probability * n_points as f32)
+        let (seen, probability) = self.tree.choose(f64::from(choice.x))?;
+        seen.incident(self.p, u, probability * n_points as f32)
     }
 }

@@ -75,15 +75,45 @@ impl Tree {
         Self { nodes, surfaces: leaves.iter().map(|leaf| surfaces[leaf.index]).collect() }
     }
 
-    /// The surface that `u` in `[0, 1)` chooses for a place with normal `n`, and with what probability; `None` where nothing can give light.
-    pub(super) fn choose(&self, p: Vec3, n: Vec3, u: f64) -> Option<(Seen<'_>, f32)> {
+    /// As a place with normal `n` sees it.
+    pub(super) fn seen_from(&self, p: Vec3, n: Vec3) -> Place<'_> {
+        let only = self.nodes.first().filter(|root| root.count > 0).map(|root| self.weigh(root, p, n));
+        Place { tree: self, p, n, only }
+    }
+
+    fn weigh(&self, leaf: &Node, p: Vec3, n: Vec3) -> Weighed<'_> {
+        let mut weighed = Weighed { seen: [const { None }; LEAF], sum: 0.0 };
+        for (seen, surface) in weighed.seen.iter_mut().zip(&self.surfaces[leaf.at as usize..][..leaf.count as usize]) {
+            *seen = Seen::new(surface, p, n);
+            weighed.sum += seen.as_ref().map_or(0.0, |seen| f64::from(seen.importance));
+        }
+        weighed
+    }
+}
+
+/// A tree as a place sees it.
+pub(super) struct Place<'a> {
+    tree: &'a Tree,
+    p: Vec3,
+    n: Vec3,
+    /// Of a tree that is one leaf, its surfaces.
+    only: Option<Weighed<'a>>,
+}
+
+impl<'a> Place<'a> {
+    /// The surface that `u` in `[0, 1)` chooses, and with what probability; `None` where nothing can give light.
+    pub(super) fn choose(&self, u: f64) -> Option<(Seen<'a>, f32)> {
+        if let Some(only) = &self.only {
+            return only.choose(u, 1.0);
+        }
+        let (nodes, p, n) = (&self.tree.nodes, self.p, self.n);
         let mut u = u;
         let mut probability = 1.0;
         let mut at = 0;
-        let mut node = self.nodes.first()?;
+        let mut node = nodes.first()?;
         while node.count == 0 {
             let (first, second) = (at + 1, node.at as usize);
-            let (a, b) = (self.nodes[first].reach.importance(p, n), self.nodes[second].reach.importance(p, n));
+            let (a, b) = (nodes[first].reach.importance(p, n), nodes[second].reach.importance(p, n));
             let share = f64::from(a) / (f64::from(a) + f64::from(b));
             if share.is_nan() {
                 return None;
@@ -91,29 +121,34 @@ impl Tree {
             let is_first = u < share;
             (at, u) = if is_first { (first, u / share) } else { (second, (u - share) / (1.0 - share)) };
             probability *= if is_first { share } else { 1.0 - share };
-            node = &self.nodes[at];
+            node = &nodes[at];
         }
-        let surfaces = &self.surfaces[node.at as usize..][..node.count as usize];
-        let mut seen: [Option<Seen<'_>>; LEAF] = [const { None }; LEAF];
-        let mut sum = 0.0;
-        for (seen, surface) in seen.iter_mut().zip(surfaces) {
-            *seen = Seen::new(surface, p, n);
-            sum += seen.as_ref().map_or(0.0, |seen| f64::from(seen.importance));
-        }
-        if !(sum > 0.0 && sum.is_finite()) {
+        self.tree.weigh(node, p, n).choose(u, probability)
+    }
+}
+
+/// The surfaces of a leaf as a place sees them.
+struct Weighed<'a> {
+    seen: [Option<Seen<'a>>; LEAF],
+    /// Of their importances.
+    sum: f64,
+}
+
+impl<'a> Weighed<'a> {
+    fn choose(&self, u: f64, probability: f64) -> Option<(Seen<'a>, f32)> {
+        if !(self.sum > 0.0 && self.sum.is_finite()) {
             return None;
         }
-        let mut left = u * sum;
+        let mut left = u * self.sum;
         let mut chosen = None;
-        for candidate in seen.into_iter().flatten().filter(|seen| seen.importance > 0.0) {
+        for candidate in self.seen.iter().flatten() {
             left -= f64::from(candidate.importance);
-            let share = f64::from(candidate.importance) / sum;
-            chosen = Some((candidate, (probability * share) as f32));
+            chosen = Some(candidate);
             if left < 0.0 {
                 break;
             }
         }
-        chosen
+        chosen.map(|seen| (*seen, (probability * f64::from(seen.importance) / self.sum) as f32))
     }
 }
 
@@ -276,8 +311,9 @@ mod tests {
     /// Probabilities, by surface, of all that `steps` numbers choose.
     fn chosen(tree: &Tree, p: Vec3, n: Vec3, steps: u32) -> std::collections::BTreeMap<u32, (f64, f64)> {
         let mut found = std::collections::BTreeMap::new();
+        let place = tree.seen_from(p, n);
         for i in 0..steps {
-            let Some((seen, probability)) = tree.choose(p, n, (f64::from(i) + 0.5) / f64::from(steps)) else { continue };
+            let Some((seen, probability)) = place.choose((f64::from(i) + 0.5) / f64::from(steps)) else { continue };
             let entry = found.entry(seen.surface.primitive).or_insert((0.0, f64::from(probability)));
             entry.0 += 1.0 / f64::from(steps);
             assert!((entry.1 - f64::from(probability)).abs() <= 1e-6 * entry.1);

@@ -158,7 +158,7 @@ impl<'a> DirectLight<'a> {
     }
 
     /// Radiance from where no surface is.
-    fn sky_radiance(&self, dir: Vec3) -> Spectrum {
+    pub fn sky_radiance(&self, dir: Vec3) -> Spectrum {
         let sky = self.world.sky().map_or(Spectrum::BLACK, |sky| sky.radiance(dir));
         self.hemispheres.iter().fold(sky, |sum, (axis, up, down)| sum + if axis.dot(dir) >= 0.0 { *up } else { *down })
     }

@@ -38,4 +38,4 @@ mod tessellate;
 
 pub use sides::Side;
 pub use solution::{Division, Progress, Radiosity, Settings, Solution, solve};
-pub use tessellate::tessellate;
+pub use tessellate::{tessellate, tessellated};

@@ -3,7 +3,8 @@
 use std::f64::consts::{PI, TAU};
 
 use crate::math::{DVec3, Vec2, function};
-use crate::scene::{Geometry, Mesh, MeshId, Polygons, Scene};
+use crate::scene::{Geometry, Mesh, MeshId, Polygons, Scene, SceneError};
+use crate::transport::World;
 
 /// Replaces every exact sphere by `segments` rings of twice as many quadrilaterals, every disc by a fan around rings of quadrilaterals. Vertices lie on the
 /// shape; normals and texture coordinates are the shape's own.
@@ -22,6 +23,19 @@ pub fn tessellate(scene: &mut Scene, segments: u32) {
         });
         scene.instances[i].geometry = Geometry::Mesh(id);
     }
+}
+
+/// A world without exact shapes, where places are the same as in the one given; `None` when that has none itself.
+///
+/// # Errors
+/// When the scene that comes out is not valid.
+pub fn tessellated(world: &World, segments: u32) -> Result<Option<World>, SceneError> {
+    if world.scene().instances.iter().all(|instance| matches!(instance.geometry, Geometry::Mesh(_))) {
+        return Ok(None);
+    }
+    let mut scene = world.scene().clone();
+    tessellate(&mut scene, segments);
+    World::prepare_around(scene, world.cpu_path(), Some(world.origin())).map(Some)
 }
 
 /// A mesh that is filled face by face.

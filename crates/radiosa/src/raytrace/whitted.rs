@@ -16,7 +16,8 @@ use crate::bsdf::{Bsdf, SpecularRays};
 use crate::emitter::EnvironmentShadows;
 use crate::film::Pixel;
 use crate::math::{Ray, Vec3};
-use crate::sampling::Stream;
+use crate::radiometry::lambertian_radiance;
+use crate::sampling::{Stream, sequence};
 use crate::scene::Light;
 use crate::spectrum::Spectrum;
 use crate::transport::eye::{self, BEHIND_MAX, NEGLIGIBLE};
@@ -75,11 +76,33 @@ impl Default for Settings {
     }
 }
 
+/// Diffuse light beside what lamps and emissive surfaces bring straight, for methods that know it.
+pub(crate) trait Indirect {
+    /// The irradiance it brings to a surface, W/m² or lux; `n_rays` grows by the rays that took.
+    fn irradiance(&self, at: &Asked<'_>, stream: &mut Stream, n_rays: &mut u64) -> Spectrum;
+
+    /// False when only the questions matter and no picture comes of it.
+    fn wants_light(&self) -> bool {
+        true
+    }
+}
+
+/// Where indirect light is asked for.
+pub(crate) struct Asked<'a> {
+    pub(crate) surface: &'a Surface,
+    /// The side that is seen, shading normal.
+    pub(crate) n: Vec3,
+    /// Reflections and refractions between it and the eye.
+    pub(crate) depth: u32,
+}
+
 /// Recursive ray tracing, ready to be asked.
 #[derive(Debug)]
 pub struct Whitted {
     settings: Settings,
     lights: Lights,
+    /// The lights hold what the sky brings.
+    sky_is_light: bool,
     /// Unit, to an infinitely distant viewer.
     to_viewer: Vec3,
     has_backdrop: bool,
@@ -93,6 +116,18 @@ impl Whitted {
         if settings.samples > 1 {
             lights = lights.with_random_points(world);
         }
+        let sky_is_light = settings.lights.environment_shadows == EnvironmentShadows::On && world.sky().is_some();
+        Self::with_lights(world, settings, forward, lights, sky_is_light)
+    }
+
+    /// For a method that knows indirect light and the light of skies: emissive surfaces by random points, no ambient light.
+    pub(crate) fn with_indirect(world: &World, settings: &Settings, forward: Vec3) -> Self {
+        let glass = if settings.transparent_shadows { Glass::Clear(settings.fresnel) } else { Glass::Opaque };
+        let lights = Lights::prepare_without_skies(world, &settings.lights, &settings.extra_lights);
+        Self::with_lights(world, settings, forward, lights.with_glass(glass).with_random_points(world), false)
+    }
+
+    fn with_lights(world: &World, settings: &Settings, forward: Vec3, lights: Lights, sky_is_light: bool) -> Self {
         let settings = Settings {
             max_depth: settings.max_depth.min(DEPTH_LIMIT),
             min_weight: settings.min_weight.max(0.0),
@@ -100,7 +135,23 @@ impl Whitted {
             ..settings.clone()
         };
         let has_backdrop = default_light::has_backdrop(world, &settings.extra_lights);
-        Self { settings, lights, to_viewer: -forward, has_backdrop }
+        Self { settings, lights, sky_is_light, to_viewer: -forward, has_backdrop }
+    }
+
+    /// One camera sample, with diffuse light that `indirect` knows.
+    pub(crate) fn trace(
+        &self,
+        world: &World,
+        ray: &Ray,
+        stream: &mut Stream,
+        n_rays: &mut u64,
+        indirect: Option<&dyn Indirect>,
+    ) -> Pixel {
+        let mut pixel = Pixel::default();
+        let mut tracer = Tracer { method: self, world, stream, n_rays, n_surfaces: 0, indirect };
+        let left = tracer.follow(ray, &Media::VACUUM, Reach::of_the_eye(), &mut pixel);
+        pixel.alpha = 1.0 - left;
+        pixel
     }
 
     /// The prepared lights.
@@ -111,11 +162,7 @@ impl Whitted {
 
 impl Integrator for Whitted {
     fn sample(&self, world: &World, ray: &Ray, stream: &mut Stream, n_rays: &mut u64) -> Pixel {
-        let mut pixel = Pixel::default();
-        let mut tracer = Tracer { method: self, world, stream, n_rays, n_surfaces: 0 };
-        let left = tracer.follow(ray, &Media::VACUUM, Reach::of_the_eye(), &mut pixel);
-        pixel.alpha = 1.0 - left;
-        pixel
+        self.trace(world, ray, stream, n_rays, None)
     }
 
     fn branching(&self) -> u32 {
@@ -149,6 +196,8 @@ impl Arriving {
 /// The light that leaves a surface towards the ray.
 struct Leaving {
     local: LocalLight,
+    /// The part of the local diffuse light that other surfaces reflected before.
+    indirect: Spectrum,
     emission: Spectrum,
     reflected: Arriving,
     refracted: Arriving,
@@ -177,9 +226,10 @@ impl Sink for Pixel {
         self.reflection += reflection;
         self.refraction += refraction;
         self.emission += emission;
-        self.direct += diffuse + specular + weight * (light.reflected.straight + light.refracted.straight);
+        let indirect = weight * light.indirect;
+        self.direct += (diffuse - indirect) + specular + weight * (light.reflected.straight + light.refracted.straight);
         let twice = |a: &Arriving| a.once + a.more;
-        self.indirect += ambient + weight * (twice(&light.reflected) + twice(&light.refracted));
+        self.indirect += ambient + indirect + weight * (twice(&light.reflected) + twice(&light.refracted));
         self.color += ambient + diffuse + specular + reflection + refraction + emission;
     }
 
@@ -194,9 +244,10 @@ impl Sink for Arriving {
 
     fn surface(&mut self, weight: Spectrum, light: &Leaving) {
         self.straight += weight * light.emission;
-        self.once += weight * (light.local.diffuse + light.local.specular + light.reflected.straight + light.refracted.straight);
+        let local = (light.local.diffuse - light.indirect) + light.local.specular;
+        self.once += weight * (local + light.reflected.straight + light.refracted.straight);
         let twice = |a: &Arriving| a.once + a.more;
-        self.more += weight * (light.local.ambient + twice(&light.reflected) + twice(&light.refracted));
+        self.more += weight * (light.local.ambient + light.indirect + twice(&light.reflected) + twice(&light.refracted));
     }
 
     fn background(&mut self, light: Spectrum) {
@@ -229,6 +280,7 @@ struct Tracer<'a> {
     stream: &'a mut Stream,
     n_rays: &'a mut u64,
     n_surfaces: u32,
+    indirect: Option<&'a dyn Indirect>,
 }
 
 impl Tracer<'_> {
@@ -310,8 +362,7 @@ impl Tracer<'_> {
     /// What a ray that leaves the scene sees.
     fn behind(&self, dir: Vec3, reach: Reach, first: bool) -> Spectrum {
         let from_eye = reach.depth == 0 && first;
-        let lit_by_sky = self.method.settings.lights.environment_shadows == EnvironmentShadows::On && self.world.sky().is_some();
-        if reach.roughness > 0.0 && lit_by_sky {
+        if reach.roughness > 0.0 && self.method.sky_is_light {
             return Spectrum::BLACK;
         }
         eye::behind(self.world, dir, self.method.has_backdrop, from_eye)
@@ -337,12 +388,29 @@ impl Tracer<'_> {
         }
         let n_points = if reach.depth == 0 { settings.samples } else { 1 };
         let random = (n_points, &mut *self.stream);
-        let local =
-            self.method.lights.at_random(self.world, surface, shading, settings.shadows.then_some(media.0), random, self.n_rays);
+        let (lights, in_media) = (&self.method.lights, settings.shadows.then_some(media.0));
+        let mut indirect = Spectrum::BLACK;
+        let local = match self.indirect {
+            None => lights.at_random(self.world, surface, shading, in_media, random, self.n_rays),
+            Some(source) => {
+                let mut local = LocalLight::default();
+                if source.wants_light() {
+                    local = lights.at_random(self.world, surface, shading, in_media, random, self.n_rays);
+                    local.ambient = Spectrum::BLACK;
+                }
+                let diffuse = shading.bsdf.diffuse_reflectance();
+                if !diffuse.is_black() {
+                    let asked = Asked { surface, n: shading.n, depth: reach.depth };
+                    indirect = lambertian_radiance(diffuse, source.irradiance(&asked, self.stream, self.n_rays));
+                    local.diffuse += indirect;
+                }
+                local
+            }
+        };
         let shown = shading.bsdf.unlit().unwrap_or(Spectrum::BLACK);
         let is_counted = reach.roughness > 0.0 && settings.lights.emitters != Emitters::Ignore;
         let emission = if is_counted { shown } else { shading.emission + shown };
-        let mut light = Leaving { local, emission, reflected: Arriving::default(), refracted: Arriving::default() };
+        let mut light = Leaving { local, indirect, emission, reflected: Arriving::default(), refracted: Arriving::default() };
         if !shading.emission.is_black() || reach.depth >= settings.max_depth {
             return light;
         }
@@ -396,8 +464,9 @@ impl Tracer<'_> {
             return;
         }
         let n_samples = if reach.depth == 0 { self.method.settings.samples } else { 1 };
-        for _ in 0..n_samples {
-            let u = self.stream.next_2d();
+        let (key, start) = self.stream.next_set(n_samples);
+        for i in 0..n_samples {
+            let u = sequence::point_2d(start.wrapping_add(i), key);
             let Some((dir, weight)) = bsdf.sample_gloss(n, wo, u) else { continue };
             if dir.dot(ng) <= 0.0 {
                 continue;

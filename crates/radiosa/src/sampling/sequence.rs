@@ -6,37 +6,70 @@
 use super::rng::{self, unit_f32};
 use crate::math::Vec2;
 
-/// The first two dimensions of Sobol's sequence, as 32-bit fractions.
-fn sobol(index: u32) -> [u32; 2] {
-    let mut second = 0;
-    let (mut i, mut v) = (index, 1u32 << 31);
-    while i != 0 {
-        if i & 1 == 1 {
-            second ^= v;
+/// Direction numbers of one dimension of Sobol's sequence, as 32-bit fractions: bit k of an index adds the k-th.
+type Directions = [u32; 32];
+
+/// `v_k = v_(k−1) ⊕ v_(k−1)/2`: the second dimension.
+const SECOND: Directions = directions(&[1 << 31], &[1]);
+/// Primitive polynomials x² + x + 1 and x³ + x + 1, initial numbers 1, 3 and 1, 3, 1 [Joe08]:
+/// `v_k = v_(k−1) ⊕ v_(k−2) ⊕ v_(k−2)/4`, and `v_k = v_(k−2) ⊕ v_(k−3) ⊕ v_(k−3)/8`.
+const THIRD: Directions = directions(&[1 << 31, 3 << 30], &[1, 2]);
+const FOURTH: Directions = directions(&[1 << 31, 3 << 30, 1 << 29], &[2, 3]);
+
+/// From the first of them and the terms of the recurrence: how far each reaches back. The longest comes once more, shifted by itself.
+const fn directions(first: &[u32], back: &[usize]) -> Directions {
+    let mut v = [0; 32];
+    let mut k = 0;
+    while k < 32 {
+        if k < first.len() {
+            v[k] = first[k];
+        } else {
+            let longest = first.len();
+            v[k] = v[k - longest] >> longest;
+            let mut term = 0;
+            while term < back.len() {
+                v[k] ^= v[k - back[term]];
+                term += 1;
+            }
         }
-        v ^= v >> 1;
-        i >>= 1;
+        k += 1;
     }
-    [index.reverse_bits(), second]
+    v
 }
 
-/// The third and fourth dimension: primitive polynomials x² + x + 1 and x³ + x + 1, initial numbers 1, 3 and 1, 3, 1 [Joe08].
-fn sobol_more(index: u32) -> [u32; 2] {
-    let (mut a, mut b) = (0, 0);
-    let mut third = [1u32 << 31, 3 << 30];
-    let mut fourth = [1u32 << 31, 3 << 30, 1 << 29];
-    let mut i = index;
-    while i != 0 {
-        if i & 1 == 1 {
-            a ^= third[0];
-            b ^= fourth[0];
+/// What the four bytes of an index add.
+static BYTES: [[[u32; 256]; 4]; 3] = [by_byte(SECOND), by_byte(THIRD), by_byte(FOURTH)];
+
+const fn by_byte(v: Directions) -> [[u32; 256]; 4] {
+    let mut table = [[0; 256]; 4];
+    let mut k = 0;
+    while k < 4 * 256 {
+        let (byte, value) = (k / 256, k % 256);
+        let mut bit = 0;
+        while bit < 8 {
+            if value >> bit & 1 == 1 {
+                table[byte][value] ^= v[8 * byte + bit];
+            }
+            bit += 1;
         }
-        // v_k = v_(k−1) ⊕ v_(k−2) ⊕ v_(k−2)/4, and v_k = v_(k−2) ⊕ v_(k−3) ⊕ v_(k−3)/8.
-        third = [third[1], third[1] ^ third[0] ^ (third[0] >> 2)];
-        fourth = [fourth[1], fourth[2], fourth[1] ^ fourth[0] ^ (fourth[0] >> 3)];
-        i >>= 1;
+        k += 1;
     }
-    [a, b]
+    table
+}
+
+/// One of the dimensions behind the first, from 0.
+fn dimension(which: usize, index: u32) -> u32 {
+    index.to_le_bytes().iter().zip(&BYTES[which]).fold(0, |sum, (byte, table)| sum ^ table[*byte as usize])
+}
+
+/// The first two dimensions of Sobol's sequence, as 32-bit fractions.
+fn sobol(index: u32) -> [u32; 2] {
+    [index.reverse_bits(), dimension(0, index)]
+}
+
+/// The third and fourth dimension.
+fn sobol_more(index: u32) -> [u32; 2] {
+    [dimension(1, index), dimension(2, index)]
 }
 
 /// Nested uniform (Owen) scrambling of a 32-bit fraction: flips each bit by a hash of the bits above it.
@@ -79,6 +112,28 @@ pub fn pixel_sample(seed: u64, pixel: u32, sample: u32, n_samples: u32) -> Vec2 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_sequence_is_as_tabulated() {
+        // The first points of the four dimensions [Joe08], in the order of their indices' binary digits.
+        let half = |x: f64| (x * 4_294_967_296.0) as u32;
+        let expected = [
+            [0.0, 0.0, 0.0, 0.0],
+            [0.5, 0.5, 0.5, 0.5],
+            [0.25, 0.75, 0.75, 0.75],
+            [0.75, 0.25, 0.25, 0.25],
+            [0.125, 0.625, 0.375, 0.125],
+            [0.625, 0.125, 0.875, 0.625],
+        ];
+        for (index, expected) in expected.iter().enumerate() {
+            let [a, b] = sobol(index as u32);
+            let [c, d] = sobol_more(index as u32);
+            assert_eq!([a, b, c, d], expected.map(half), "index {index}");
+        }
+        // Beyond what tables of one byte hold, against the recurrence itself.
+        let slow = |index: u32| (0..32).filter(|k| index >> k & 1 == 1).fold(0, |sum, k| sum ^ FOURTH[k]);
+        assert!([257, 65_536, 0xDEAD_BEEF].iter().all(|&index| sobol_more(index)[1] == slow(index)));
+    }
 
     /// The number of elementary intervals of area 1/n that do not hold exactly one of n points.
     fn violations(points: &[Vec2]) -> usize {

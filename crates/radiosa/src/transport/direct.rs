@@ -198,11 +198,12 @@ impl Lights {
         // A few at a time, so that nothing is allocated.
         let mut light = LocalLight::default();
         let (key, start) = stream.next_set(n);
+        let place = sampler.seen_from(surface.p, shading.n);
         let mut points = [None; POINTS_AT_ONCE];
         for first in (0..n).step_by(POINTS_AT_ONCE) {
             let here = (n - first).min(POINTS_AT_ONCE as u32);
             for (i, point) in points.iter_mut().take(here as usize).enumerate() {
-                *point = sampler.incident((surface.p, shading.n), start.wrapping_add(first + i as u32), n, key);
+                *point = place.incident(start.wrapping_add(first + i as u32), n, key);
             }
             let emitters = if first == 0 { &self.emitters[..] } else { &[] };
             let part = self.gather(world, surface, shading, passage, (emitters, &points[..here as usize]), n_rays);

@@ -54,13 +54,21 @@ impl World {
     /// # Errors
     /// When the scene is not valid ([`Scene::validate`]).
     pub fn prepare(scene: Scene, cpu_path: CpuPath) -> Result<Self, SceneError> {
+        Self::prepare_around(scene, cpu_path, None)
+    }
+
+    /// The same around the origin of another world, so that places are the same in both.
+    ///
+    /// # Errors
+    /// When the scene is not valid ([`Scene::validate`]).
+    pub fn prepare_around(scene: Scene, cpu_path: CpuPath, origin: Option<DVec3>) -> Result<Self, SceneError> {
         scene.validate()?;
         let (lo, hi) = scene.bounds().unwrap_or_default();
         let extent = (hi - lo).max_element();
         if extent.is_nan() || extent > MAX_EXTENT {
             return Err(SceneError::TooWide { extent, limit: MAX_EXTENT });
         }
-        let origin = recentre(lo, hi);
+        let origin = origin.unwrap_or_else(|| recentre(lo, hi));
         let mut placements: HashMap<u32, u64> = HashMap::new();
         for instance in &scene.instances {
             if let Geometry::Mesh(mesh) = instance.geometry {
@@ -212,7 +220,7 @@ impl World {
         self.pyramids[id.index()].as_ref()
     }
 
-    pub(super) fn has_masks(&self) -> bool {
+    pub(crate) fn has_masks(&self) -> bool {
         self.has_masks
     }
 

@@ -420,7 +420,7 @@ impl ElementMesh {
     }
 
     /// The elements just across the middle of every edge, in the order of edges; the element itself where there are none.
-    pub(super) fn neighbours(&self, element: &Element) -> impl Iterator<Item = usize> {
+    pub(crate) fn neighbours(&self, element: &Element) -> impl Iterator<Item = usize> {
         let c = element.corners();
         let across = move |k: usize| {
             let (a, b) = (c[k], c[(k + 1) % c.len()]);

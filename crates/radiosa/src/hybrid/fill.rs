@@ -1,0 +1,140 @@
+//! Filling the irradiance cache for a view: coarse lattices of pixels first, then finer ones, each asking for gathers where the cache does not reach yet.
+//!
+//! Gathers of one pass are made in parallel, from a cache that does not change meanwhile, and kept in the order of their pixels: the cache does not depend on
+//! the number of threads.
+
+use std::cell::RefCell;
+
+use rayon::prelude::*;
+
+use super::Hybrid;
+use crate::math::Vec3;
+use crate::raytrace::whitted::{Asked, Indirect};
+use crate::sampling::{Stream, rng};
+use crate::spectrum::Spectrum;
+use crate::transport::{Solver, Step, Surface, View, World};
+
+/// Pixels between neighbours of the first lattice.
+const FIRST: u32 = 64;
+/// Pixels between neighbours of the last lattice.
+const LAST: u32 = 2;
+/// Gathers made at once: later ones of a pass know the earlier ones.
+const AT_ONCE: usize = 256;
+/// Records reach this many pixels at least.
+const LEAST: f32 = 1.5;
+
+/// Fills the cache of a hybrid for a view: a step is a quarter of a lattice.
+#[derive(Debug)]
+pub struct Filling<'a, 'b> {
+    hybrid: &'b mut Hybrid<'a>,
+    view: &'b View,
+    size: (u32, u32),
+    stride: u32,
+    /// Of the four parts of a lattice that the one before did not have.
+    part: u32,
+    /// Rays so far.
+    n_rays: u64,
+}
+
+impl<'a, 'b> Filling<'a, 'b> {
+    /// Nothing is gathered yet.
+    pub fn new(hybrid: &'b mut Hybrid<'a>, view: &'b View, size: (u32, u32)) -> Self {
+        Self { hybrid, view, size, stride: FIRST, part: 0, n_rays: 0 }
+    }
+
+    /// Rays traced so far.
+    pub fn n_rays(&self) -> u64 {
+        self.n_rays
+    }
+
+    /// The pixels of this step.
+    fn pixels(&self) -> Vec<(u32, u32)> {
+        let s = self.stride;
+        // The first lattice whole, of others what is new: between in x and y, in x, in y.
+        let (x0, y0, step) = match (s == FIRST, self.part) {
+            (true, _) => (0, 0, s),
+            (false, 0) => (s, s, 2 * s),
+            (false, 1) => (s, 0, 2 * s),
+            (false, _) => (0, s, 2 * s),
+        };
+        let (width, height) = self.size;
+        (y0..height).step_by(step as usize).flat_map(|y| (x0..width).step_by(step as usize).map(move |x| (x, y))).collect()
+    }
+}
+
+impl<'a> Solver for Filling<'a, '_> {
+    type Solution = Hybrid<'a>;
+
+    fn step(&mut self, world: &World) -> Step {
+        if self.hybrid.settings.cache <= 0.0 || self.stride < LAST {
+            return Step::Converged;
+        }
+        let pixels = self.pixels();
+        let hybrid = &*self.hybrid;
+        let asked = |&(x, y): &(u32, u32)| {
+            let pixel = u64::from(y) * u64::from(self.size.0) + u64::from(x);
+            let mut stream = Stream::new(hybrid.settings.seed, pixel, 0);
+            let ray = self.view.sample_ray(f64::from(x) + 0.5, f64::from(y) + 0.5, &mut stream);
+            let (wanting, mut n_rays) = (Wanting { hybrid, found: RefCell::default() }, 0);
+            hybrid.whitted.trace(world, &ray, &mut stream, &mut n_rays, Some(&wanting));
+            (wanting.found.into_inner(), n_rays)
+        };
+        let found: Vec<_> = pixels.par_iter().map(asked).collect();
+        self.n_rays += found.iter().map(|(_, n)| n).sum::<u64>();
+        let wanted: Vec<Wanted> = found.into_iter().flat_map(|(wanted, _)| wanted).collect();
+        for some in wanted.chunks(AT_ONCE) {
+            let hybrid = &*self.hybrid;
+            let unknown: Vec<&Wanted> =
+                some.iter().filter(|w| hybrid.cache.irradiance(w.surface.p, w.n, 1.0).is_none()).collect();
+            let first = hybrid.cache.len() as u64;
+            let gather = |(i, w): (usize, &&Wanted)| {
+                let key = rng::key(&[hybrid.settings.seed, first + i as u64, 0x6761_7468_6572]);
+                let mut n_rays = 0;
+                (hybrid.gather.gather(&w.surface, w.n, hybrid.settings.rays, key, &mut n_rays), n_rays)
+            };
+            let gathered: Vec<_> = unknown.par_iter().enumerate().map(gather).collect();
+            let unknown: Vec<Wanted> = unknown.into_iter().copied().collect();
+            for (w, (gathered, n_rays)) in unknown.iter().zip(gathered) {
+                self.n_rays += n_rays;
+                self.hybrid.cache.insert(w.surface.p, w.n, gathered, LEAST * w.surface.width);
+            }
+        }
+        let is_last_part = self.stride == FIRST || self.part == 2;
+        (self.stride, self.part) = if is_last_part { (self.stride / 2, 0) } else { (self.stride, self.part + 1) };
+        if self.stride < LAST {
+            return Step::Converged;
+        }
+        let stages = f64::from(FIRST.ilog2() - LAST.ilog2() + 1);
+        Step::Working { done: f64::from(FIRST.ilog2() - self.stride.ilog2()) / stages }
+    }
+
+    fn solution(&self) -> &Hybrid<'a> {
+        self.hybrid
+    }
+}
+
+/// A place whose irradiance is asked for.
+#[derive(Clone, Copy)]
+struct Wanted {
+    surface: Surface,
+    n: Vec3,
+}
+
+/// Notes where the cache does not reach.
+struct Wanting<'a> {
+    hybrid: &'a Hybrid<'a>,
+    found: RefCell<Vec<Wanted>>,
+}
+
+impl Indirect for Wanting<'_> {
+    fn irradiance(&self, at: &Asked<'_>, _: &mut Stream, _: &mut u64) -> Spectrum {
+        if self.hybrid.cache.irradiance(at.surface.p, at.n, 1.0).is_none() {
+            self.found.borrow_mut().push(Wanted { surface: *at.surface, n: at.n });
+        }
+        Spectrum::BLACK
+    }
+
+    fn wants_light(&self) -> bool {
+        false
+    }
+}

@@ -1,0 +1,334 @@
+//! The final gather: the irradiance of a place from what a radiosity solution says of the surfaces around it.
+//!
+//! ```text
+//! E = π/(MN) Σ_jk L_jk      M × N cells of equal sin²θ and φ, a ray in each
+//! ```
+//!
+//! Emission is left out wherever the ray comes straight from the place: that is direct light, which others sample. Behind mirrors it counts: light that a
+//! mirror throws on a diffuse surface is found here or nowhere. Gradients by [Ward92] from the differences between neighbouring cells.
+
+use std::f32::consts::{PI, TAU};
+
+use crate::math::{Frame, Ray, Vec2, Vec3, function};
+use crate::radiosity::Solution;
+use crate::radiosity::direct::DirectLight;
+use crate::radiosity::mesh::{Element, ElementMesh};
+use crate::sampling::{Stream, rng, warp};
+use crate::scene::{AlphaMode, Light, Material, Model};
+use crate::spectrum::{Spectrum, luminance};
+use crate::transport::media::Media;
+use crate::transport::{Emitters, LightSettings, Lights, Shading, Surface, World};
+
+/// A hit nearer than this many times the side of its element is looked at closely; where light varies among its neighbours, up to the second.
+const NEAR: [f32; 2] = [2.0, 8.0];
+/// Mirrors in a row that a ray of a gather follows, and straight passages through what is transparent.
+const MIRRORS: u32 = 4;
+const LAYERS: u32 = 16;
+/// Less than this of what a ray brings is not followed.
+const NEGLIGIBLE: f32 = 0.01;
+
+/// A solution ready to be gathered from.
+#[derive(Debug)]
+pub struct FinalGather<'a> {
+    world: &'a World,
+    mesh: &'a ElementMesh,
+    /// Mean irradiance over each element, over π. (Constant over elements, as the solver has it: the mean of all is then the solver's.)
+    irradiance: Vec<Spectrum>,
+    /// The mean reflectance of each element.
+    reflectance: Vec<Spectrum>,
+    /// How near each element may be taken as a whole, metres.
+    near: Vec<f32>,
+    sky: DirectLight<'a>,
+    lights: Lights,
+    /// By material: rays end there, and what they meet reflects diffusely alone.
+    plain: Vec<bool>,
+}
+
+/// What arrives at a place.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Gathered {
+    /// W/m² or lux.
+    pub irradiance: Spectrum,
+    /// Its change by place, of each channel, per metre.
+    pub translation: [Vec3; 3],
+    /// Its change as the normal turns, of each channel, per radian around an axis.
+    pub rotation: [Vec3; 3],
+    /// The harmonic mean of the distances to what is around, metres.
+    pub distance: f32,
+}
+
+impl Gathered {
+    /// Carried along by some way, and turned around an axis.
+    pub(super) fn at(&self, way: Vec3, turn: Vec3) -> Spectrum {
+        let change = std::array::from_fn(|c| self.translation[c].dot(way) + self.rotation[c].dot(turn));
+        (self.irradiance + Spectrum::from(change)).map(|e| e.max(0.0))
+    }
+}
+
+/// A cell of the hemisphere.
+#[derive(Clone, Copy, Default)]
+struct Cell {
+    light: Spectrum,
+    distance: f32,
+}
+
+impl<'a> FinalGather<'a> {
+    /// From a solution of the world with its own lights and `extra_lights`.
+    pub fn new(world: &'a World, solution: &'a Solution, extra_lights: &[Light], seed: u64) -> Self {
+        let rgb = |v: [f64; 3]| Spectrum::from(v.map(|x| x as f32));
+        let over_pi = |h: &[f64; 3]| rgb(h.map(|h| h * std::f64::consts::FRAC_1_PI));
+        let lights = LightSettings { emitters: Emitters::Points { n: 1, max: 2 }, ..LightSettings::default() };
+        Self {
+            world,
+            mesh: &solution.mesh,
+            irradiance: solution.irradiance.iter().map(over_pi).collect(),
+            reflectance: solution.system.reflectance.iter().map(|rho| rgb(*rho)).collect(),
+            near: near(solution),
+            sky: DirectLight::new(world, extra_lights, seed),
+            lights: Lights::prepare_without_skies(world, &lights, extra_lights).with_random_points(world),
+            plain: world.scene().materials.iter().map(is_plain).collect(),
+        }
+    }
+
+    /// The irradiance on the side of the unit normal `n`, without what comes straight from lamps and emissive surfaces; `key` names its random numbers.
+    pub fn gather(&self, surface: &Surface, n: Vec3, rays: u32, key: u64, n_rays: &mut u64) -> Gathered {
+        let m = ((rays as f32 / PI).sqrt().round() as u32).max(1);
+        let turns = rays.div_ceil(m).max(3);
+        let frame = Frame::from_normal(n);
+        let side = if surface.ng.dot(n) >= 0.0 { surface.ng } else { -surface.ng };
+        let count = (m * turns) as f32;
+        let mut gathered = Gathered::default();
+        let mut nearness = 0.0;
+        let mut before = vec![Cell::default(); m as usize];
+        let mut column = before.clone();
+        let mut first = before.clone();
+        for k in 0..=turns {
+            if k < turns {
+                for j in 0..m {
+                    let bits = rng::mix(key.wrapping_add(u64::from(k * m + j).wrapping_mul(0x9E37_79B9_7F4A_7C15)));
+                    let u = Vec2::new(rng::unit_f32((bits >> 32) as u32), rng::unit_f32(bits as u32));
+                    let s = (j as f32 + u.x) / m as f32;
+                    let phi = TAU * (k as f32 + u.y) / turns as f32;
+                    let r = s.sqrt();
+                    let local = Vec3::new(r * function::cos(phi), r * function::sin(phi), (1.0 - s).max(0.0).sqrt());
+                    let dir = frame.to_world(local);
+                    let (light, distance) = if dir.dot(side) > 0.0 {
+                        self.arriving(&surface.ray(dir), Reach::first(bits), n_rays)
+                    } else {
+                        // A bent normal's rays into the surface itself bring nothing.
+                        (Spectrum::BLACK, f32::INFINITY)
+                    };
+                    column[j as usize] = Cell { light, distance };
+                    gathered.irradiance += light;
+                    nearness += 1.0 / distance.max(f32::MIN_POSITIVE);
+                }
+                if k == 0 {
+                    first.clone_from(&column);
+                }
+            } else {
+                column.clone_from(&first);
+            }
+            if k > 0 {
+                self.change_across(&before, &column, (k % turns, turns), &frame, &mut gathered.translation);
+            }
+            if k < turns {
+                change_along(&column, (k, turns), &frame, &mut gathered);
+            }
+            std::mem::swap(&mut before, &mut column);
+        }
+        gathered.irradiance *= PI / count;
+        gathered.rotation = gathered.rotation.map(|g| g * (PI / count));
+        gathered.distance = if nearness > 0.0 { count / nearness } else { f32::INFINITY };
+        gathered
+    }
+
+    /// Between the columns `k − 1` and `k`: the part of the gradient along `v_k−`, the direction across the boundary between them.
+    fn change_across(
+        &self,
+        before: &[Cell],
+        column: &[Cell],
+        (k, turns): (u32, u32),
+        frame: &Frame,
+        translation: &mut [Vec3; 3],
+    ) {
+        let m = column.len() as f32;
+        let phi = TAU * k as f32 / turns as f32;
+        let across = frame.to_world(Vec3::new(-function::sin(phi), function::cos(phi), 0.0));
+        let mut sum = Spectrum::BLACK;
+        for (j, (a, b)) in before.iter().zip(column).enumerate() {
+            let width = ((j + 1) as f32 / m).sqrt() - (j as f32 / m).sqrt();
+            sum += (b.light - a.light) * (width / a.distance.min(b.distance));
+        }
+        add(translation, across, sum);
+    }
+
+    /// What a ray brings, and how far it went.
+    fn arriving(&self, ray: &Ray, reach: Reach, n_rays: &mut u64) -> (Spectrum, f32) {
+        *n_rays += 1;
+        let world = self.world;
+        if !world.has_masks() {
+            let Some(hit) = world.accel().closest(ray) else { return (self.beyond(ray.dir, reach), f32::INFINITY) };
+            let material = world.scene().material_of(crate::scene::InstanceId(hit.instance), hit.primitive);
+            if material.is_none_or(|id| self.plain[id.index()])
+                && let Some(element) = self.mesh.element_at(&hit, ray.at(hit.t), ray.dir)
+                && !(reach.looks_closely && hit.t < self.near[element as usize])
+                && !(reach.sees_emission && world.material(material).is_emissive())
+            {
+                return (self.reflectance[element as usize] * self.irradiance[element as usize], hit.t);
+            }
+        }
+        self.followed(ray, reach, n_rays)
+    }
+
+    /// The same with everything that can be there.
+    fn followed(&self, ray: &Ray, reach: Reach, n_rays: &mut u64) -> (Spectrum, f32) {
+        let world = self.world;
+        let (mut ray, mut open, mut light) = (*ray, Spectrum::WHITE, Spectrum::BLACK);
+        let (mut first, mut travelled) = (None, 0.0);
+        for layer in 0..LAYERS {
+            let Some((hit, surface)) = world.closest_visible(&ray) else {
+                light += open * self.beyond(ray.dir, reach);
+                break;
+            };
+            travelled += hit.t;
+            first.get_or_insert(travelled);
+            let shading = world.shading(&surface, -ray.dir);
+            let key = rng::mix(reach.key ^ u64::from(layer + 1));
+            let met = Met { surface: &surface, shading: &shading, hit: &hit, travelled, dir: ray.dir };
+            light += open * shading.coverage * self.leaving(&met, Reach { key, ..reach }, n_rays);
+            let glass = shading.straight_transmission(&surface);
+            open = open * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
+            if open.max_channel() < NEGLIGIBLE {
+                break;
+            }
+            *n_rays += 1;
+            ray = surface.ray(ray.dir);
+        }
+        (light, first.unwrap_or(f32::INFINITY))
+    }
+
+    /// What leaves a surface towards the ray that met it.
+    fn leaving(&self, met: &Met<'_>, reach: Reach, n_rays: &mut u64) -> Spectrum {
+        let Met { surface, shading, .. } = met;
+        let mut light = if reach.sees_emission { shading.emission } else { Spectrum::BLACK };
+        let diffuse = shading.bsdf.diffuse_reflectance();
+        if !diffuse.is_black() {
+            let known = self.mesh.element_at(met.hit, surface.p, met.dir);
+            let is_far = |element: &u32| met.travelled >= self.near[*element as usize];
+            light += match known.filter(|known| is_far(known) || !reach.looks_closely) {
+                Some(element) => diffuse * self.irradiance[element as usize],
+                None if reach.looks_closely => self.looked_at(surface, shading, reach, n_rays),
+                None => Spectrum::BLACK,
+            };
+        }
+        let (wo, n) = (shading.wo, shading.n);
+        let mirrored = shading.bsdf.specular_rays(n, wo, surface.is_front(wo)).reflected;
+        let mut stream = Stream::new(reach.key, 1, 0);
+        let mirrored = match mirrored {
+            None if shading.bsdf.is_glossy() => shading.bsdf.sample_gloss(n, wo, stream.next_2d()),
+            mirrored => mirrored,
+        };
+        if let Some((dir, weight)) = mirrored
+            && reach.mirrors < MIRRORS
+            && weight.max_channel() >= NEGLIGIBLE
+            && dir.dot(surface.ng) * wo.dot(surface.ng) > 0.0
+        {
+            let next = Reach { mirrors: reach.mirrors + 1, sees_emission: true, key: rng::mix(reach.key), ..reach };
+            light += weight * self.arriving(&surface.ray(dir), next, n_rays).0;
+        }
+        light
+    }
+
+    /// The diffuse light of a surface too near for its element's mean: direct light by one point of all emissive surfaces, and one more bounce.
+    fn looked_at(&self, surface: &Surface, shading: &Shading, reach: Reach, n_rays: &mut u64) -> Spectrum {
+        let mut stream = Stream::new(reach.key, 0, 0);
+        let direct = self.lights.at_random(self.world, surface, shading, Some(&Media::VACUUM), (1, &mut stream), n_rays).diffuse;
+        let dir = Frame::from_normal(shading.n).to_world(warp::cosine_hemisphere(stream.next_2d()));
+        let side = if surface.is_front(shading.wo) { surface.ng } else { -surface.ng };
+        if dir.dot(side) <= 0.0 {
+            return direct;
+        }
+        let next = Reach { looks_closely: false, sees_emission: false, key: rng::mix(reach.key ^ 2), ..reach };
+        direct + shading.bsdf.diffuse_reflectance() * self.arriving(&surface.ray(dir), next, n_rays).0
+    }
+
+    /// From where no surface is.
+    fn beyond(&self, dir: Vec3, reach: Reach) -> Spectrum {
+        if reach.sees_emission { self.world.background(dir, false) } else { self.sky.sky_radiance(dir) }
+    }
+}
+
+/// How near each element may be taken as a whole: nearer where the light of its neighbours is like its own.
+fn near(solution: &Solution) -> Vec<f32> {
+    let mesh = &solution.mesh;
+    let of = |i: usize| luminance(solution.irradiance[i]);
+    let element = |(i, element): (usize, &Element)| {
+        let own = of(i);
+        let step =
+            mesh.neighbours(element).map(|j| (of(j) - own).abs() / of(j).max(own).max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
+        let times = NEAR[0] + (NEAR[1] - NEAR[0]) * (2.0 * step as f32).min(1.0);
+        element.area.sqrt() as f32 * times
+    };
+    mesh.elements().iter().enumerate().map(element).collect()
+}
+
+/// Along a column: the parts of both gradients in its own plane.
+fn change_along(column: &[Cell], (k, turns): (u32, u32), frame: &Frame, gathered: &mut Gathered) {
+    let m = column.len() as f32;
+    let phi = TAU * (k as f32 + 0.5) / turns as f32;
+    let (sin, cos) = (function::sin(phi), function::cos(phi));
+    let (along, across) = (frame.to_world(Vec3::new(cos, sin, 0.0)), frame.to_world(Vec3::new(-sin, cos, 0.0)));
+    let (mut steps, mut tilt) = (Spectrum::BLACK, Spectrum::BLACK);
+    for (j, cell) in column.iter().enumerate() {
+        let middle = (j as f32 + 0.5) / m;
+        tilt += cell.light * (middle / (1.0 - middle)).sqrt();
+        if j > 0 {
+            let s = j as f32 / m;
+            let nearer = cell.distance.min(column[j - 1].distance);
+            steps += (cell.light - column[j - 1].light) * (s.sqrt() * (1.0 - s) / nearer);
+        }
+    }
+    add(&mut gathered.translation, along, steps * (TAU / turns as f32));
+    add(&mut gathered.rotation, across, tilt);
+}
+
+fn add(gradient: &mut [Vec3; 3], direction: Vec3, by: Spectrum) {
+    gradient.iter_mut().zip(by.to_array()).for_each(|(g, c)| *g += direction * c);
+}
+
+/// How a ray of a gather came to be.
+#[derive(Clone, Copy)]
+struct Reach {
+    /// Mirrors behind it.
+    mirrors: u32,
+    /// No direct light has been counted for what it meets.
+    sees_emission: bool,
+    /// What it meets nearby is found by one more bounce.
+    looks_closely: bool,
+    key: u64,
+}
+
+impl Reach {
+    const fn first(key: u64) -> Self {
+        Self { mirrors: 0, sees_emission: false, looks_closely: true, key }
+    }
+}
+
+/// Where a ray of a gather met a surface.
+struct Met<'a> {
+    surface: &'a Surface,
+    shading: &'a Shading,
+    hit: &'a crate::accel::Hit,
+    travelled: f32,
+    dir: Vec3,
+}
+
+/// Opaque, and neither mirror nor glass nor rough metal: all of it is diffuse or a highlight.
+fn is_plain(material: &Material) -> bool {
+    let is_diffuse = match &material.model {
+        Model::Phong(m) => m.mirror.is_black(),
+        Model::CookTorrance(_) => false,
+        Model::MetallicRoughness(_) => false,
+    };
+    is_diffuse && !material.transmits() && material.alpha.mode == AlphaMode::Opaque && !material.unlit
+}
