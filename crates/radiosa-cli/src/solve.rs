@@ -10,6 +10,7 @@ use radiosa::import::Warning;
 use radiosa::radiosity::form_factor::{Factors, Row, Scratch};
 use radiosa::radiosity::medium::Medium;
 use radiosa::radiosity::mesh::{self, ElementMesh};
+use radiosa::radiosity::patch::Patch;
 use radiosa::radiosity::{self, Division, Progress, Settings, Solution, refine, solve};
 use radiosa::scene::Light;
 use radiosa::transport::{Solver as _, Step, World, default_light};
@@ -96,7 +97,12 @@ pub(crate) fn saved_or_solved(
 ) -> Result<(Solution, f64), Error> {
     match solution {
         Some(path) => Ok((file::open(path, work.max_memory)?.into_solution(world)?, 1.0)),
-        None => solved(world, settings, None, work, bar, None).map(|solved| (solved.solution, solved.done)),
+        None => solved(world, settings, None, work, bar, None).map(|solved| {
+            if !work.quiet {
+                solved.warnings.iter().for_each(|(name, message)| tell(&format!("warning[{name}]: {message}")));
+            }
+            (solved.solution, solved.done)
+        }),
     }
 }
 
@@ -122,6 +128,8 @@ struct Solved {
     done: f64,
     /// The solver that was taken.
     solver: &'static str,
+    /// What should be said: the name of the warning, and the words.
+    warnings: Vec<(&'static str, String)>,
     /// Making the elements took this long, and solving over them.
     mesh_time: Duration,
     solve_time: Duration,
@@ -152,6 +160,21 @@ fn solved(
         None => (Division::new(world, settings), None),
     };
     let mesh_time = start.elapsed();
+    let mut warnings = Vec::new();
+    let mut coincident = division.mesh().coincident();
+    if let n @ 1.. = coincident.len()
+        && let Some((of, first)) = coincident.next()
+    {
+        let name = |patch: &Patch| format!("\"{}\"", world.scene().instances[patch.instance.index()].name);
+        let (of, first) = (name(of), name(first));
+        warnings.push((
+            "coincident",
+            format!(
+                "{n} surfaces lie in the plane of others, such as {of} in that of {first}: where they do, the first is there"
+            ),
+        ));
+    }
+    drop(coincident);
     let mut last_save = (Instant::now(), Duration::ZERO);
     loop {
         let mut radiosity = match before.take() {
@@ -180,19 +203,32 @@ fn solved(
             }
         }
         let solver = radiosity.progress().name();
+        let limited = radiosity.limited();
+        warnings.retain(|(name, _)| *name != "factors");
+        if limited.rows > 0 {
+            let (rows, n, largest) = (limited.rows, radiosity.solution().system.n(), limited.largest);
+            warnings.push(("factors", format!("form factors of {rows} of {n} elements summed to more than there is, up to {largest:.3}, and were brought down")));
+        }
         let (solution, progress) = radiosity.into_parts();
-        let finished = |done, solution, progress| {
+        let finished = |done, solution, progress, warnings| {
             let solve_time = start.elapsed() - mesh_time;
-            Solved { solution, progress, done, solver, mesh_time, solve_time }
+            Solved { solution, progress, done, solver, warnings, mesh_time, solve_time }
         };
         if let Some(done) = ended {
-            return Ok(finished(done, solution, Some(progress)));
+            return Ok(finished(done, solution, Some(progress), warnings));
         }
         match refine::next(world, &solution, settings) {
             Some(mesh) => division = Division::of(mesh, &settings.solver),
             None => {
+                if let Some(last) = solution.history.records.last().filter(|last| !settings.stop.is_satisfied(last)) {
+                    let (steps, residual) = (last.step, last.residual);
+                    warnings.push((
+                        "not-converged",
+                        format!("after {steps} steps the residual is still {residual:.1e}: does anything absorb the light?"),
+                    ));
+                }
                 let needed = !matches!(progress, Progress::Factors(..) | Progress::Gathering(..));
-                return Ok(finished(1.0, solution, Some(progress).filter(|_| needed)));
+                return Ok(finished(1.0, solution, Some(progress).filter(|_| needed), warnings));
             }
         }
     }
@@ -267,6 +303,13 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
     let bar = progress::Progress::new("solve", UNIT, work.quiet);
     let solved = solved(&world, &settings, state, work, &bar, Some(&save))?;
     bar.finish();
+    let named =
+        |(name, message): &(&'static str, String)| Warning { name, path: PathBuf::from(&args.scene), message: message.clone() };
+    let late: Vec<Warning> = solved.warnings.iter().map(named).collect();
+    if !work.quiet {
+        output::say_warnings(&late);
+    }
+    warnings.extend(late);
     let began = Instant::now();
     let written = file::State { solution: &solved.solution, progress: solved.progress.as_ref() };
     file::write(&output, &recipe, &world, &settings, written)?;

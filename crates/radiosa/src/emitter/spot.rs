@@ -41,6 +41,12 @@ impl Profile {
         }
     }
 
+    /// Cosine of the angle from the axis beyond which it is dark.
+    pub fn cos_cutoff(self) -> f32 {
+        let (Self::Classic { q_cutoff: q, .. } | Self::Gltf { q_outer: q, .. }) = self;
+        1.0 - q
+    }
+
     /// The factor towards the unit direction `to_point`, away from a light of unit `axis`.
     pub fn at(self, axis: Vec3, to_point: Vec3) -> f32 {
         let q = 0.5 * (axis - to_point).length_squared();

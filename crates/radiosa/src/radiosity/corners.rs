@@ -12,9 +12,10 @@ use crate::math::{DVec3, Ray};
 use crate::spectrum::Spectrum;
 use crate::transport::World;
 
-/// Two elements are looked at from each other this far from where they meet, as fractions of the way to their centres; and this high above the surface, as
+/// It is looked along elements from so far to so far beyond where they meet, as fractions of the way to their centres; and this high above the surface, as
 /// a fraction of the distance.
 const ASIDE: f64 = 0.25;
+const BEYOND: f64 = 0.03;
 const HIGH: f64 = 0.05;
 
 /// Corner values of the elements from `first` on, all on one side of a patch; neighbours still differ a little where they meet.
@@ -40,16 +41,20 @@ pub(super) fn extrapolate(world: &World, mesh: &ElementMesh, first: usize, value
         *corners = std::array::from_fn(|k| {
             let k = k.min(c.len() - 1);
             let (before, after) = (step((k + c.len() - 1) % c.len()), step(k));
-            let value = |i: usize| (own[i] + before[i] + after[i]).clamp(0.5 * own[i], 2.0 * own[i].max(0.0));
+            // (What is no number stays none.)
+            let value = |i: usize| (own[i] + before[i] + after[i]).max(0.5 * own[i]).min(2.0 * own[i].max(0.0));
             std::array::from_fn::<f32, 3, _>(|i| value(i) as f32).into()
         });
     }
 }
 
-/// Nothing stands on the surface between two elements where they meet.
+/// Nothing stands on the surface between two elements where they meet, or lies on one of them: from each of them the way is free upwards, and on to where they
+/// meet and a little beyond. (From one to the other it would lead through the surface itself where that is curved outwards.)
 pub(super) fn is_open(world: &World, elements: [&Element; 2], at: DVec3) -> bool {
-    let [p, q] = elements.map(|e| at + (e.centre() - at) * ASIDE);
-    let high = (q - p).length() * HIGH;
-    let [p, q] = [(elements[0], p), (elements[1], q)].map(|(e, p)| e.lift().in_front(p + e.normal * high));
-    !world.accel().occluded(&Ray { origin: p, dir: q - p, t_max: 1.0 })
+    let high = elements.iter().map(|e| (e.centre() - at).length() * ASIDE * HIGH).sum::<f64>();
+    elements.iter().all(|e| {
+        let way = [(ASIDE, 0.0), (ASIDE, high), (-BEYOND, high)];
+        let way = way.map(|(part, high)| e.lift().in_front(at + (e.centre() - at) * part + e.normal * high));
+        way.windows(2).all(|w| !world.accel().occluded(&Ray { origin: w[0], dir: w[1] - w[0], t_max: 1.0 }))
+    })
 }

@@ -1,14 +1,15 @@
 //! Light that is not on a surface: what points, spots, suns and skies bring to each element.
 //!
 //! It enters the system as `E_i += ρ_i H_i`, H_i the visible irradiance averaged over the element: over a few points first, over more where they disagree, as
-//! they do at the edge of a shadow.
+//! they do at the edge of a shadow, and where rays from lamps land between them.
 
 use rayon::prelude::*;
 
 use super::medium::Medium;
 use super::mesh::{Element, ElementMesh};
+use crate::accel::Hit;
 use crate::emitter::EnvironmentShadows;
-use crate::math::{Frame, Vec3};
+use crate::math::{Frame, Ray, Vec3};
 use crate::sampling::{rng, sequence, warp};
 use crate::scene::LightKind;
 use crate::spectrum::Spectrum;
@@ -79,12 +80,19 @@ impl<'a> DirectLight<'a> {
         if self.is_empty() {
             return [(); 2].map(|()| vec![[0.0; 3]; mesh.elements().len()]);
         }
+        let mut is_lit = vec![false; mesh.elements().len()];
+        for (hit, surface, dir) in self.landings() {
+            if let Some(element) = mesh.element_at(&hit, surface.p, dir) {
+                is_lit[element as usize] = true;
+            }
+        }
         let elements = mesh.elements().par_iter().enumerate();
-        let (all, lamps) = elements.map(|(i, element)| self.of_element(mesh, i as u64, element)).unzip();
+        let (all, lamps) = elements.map(|(i, element)| self.of_element(mesh, i as u64, element, is_lit[i])).unzip();
         [all, lamps]
     }
 
-    fn of_element(&self, mesh: &ElementMesh, i: u64, element: &Element) -> ([f64; 3], [f64; 3]) {
+    /// `is_lit`: some lamp lights a part of it, be it between its first points.
+    fn of_element(&self, mesh: &ElementMesh, i: u64, element: &Element, is_lit: bool) -> ([f64; 3], [f64; 3]) {
         let key = rng::key(&[self.seed, i, 0x6469_7265]);
         let surface = |k: u32| {
             let u = sequence::point_2d(k, key);
@@ -102,7 +110,7 @@ impl<'a> DirectLight<'a> {
                     [h.r, h.g, h.b].into_iter().zip(&mut lamps).for_each(|(h, s)| *s += f64::from(h));
                 }
                 taken = n_points;
-                if high - low <= 0.1 * high {
+                if high - low <= 0.1 * high && (high > 0.0 || !is_lit) {
                     break;
                 }
             }
@@ -140,6 +148,33 @@ impl<'a> DirectLight<'a> {
     /// The irradiance at a point from lamps alone, seen from the side of `n` (unit).
     pub fn of_lamps(&self, surface: &Surface, n: Vec3) -> Spectrum {
         self.lights.irradiance(self.world, surface, n)
+    }
+
+    /// Where rays from lamps go first, and on through what is transparent: the light finds what rays from surfaces would miss.
+    pub fn landings(&self) -> Vec<(Hit, Surface, Vec3)> {
+        /// Rays of all lamps, about, and of one at most; transparent surfaces each goes through.
+        const RAYS: u32 = 1 << 18;
+        const OF_ONE: u32 = 1 << 14;
+        const LAYERS: u32 = 16;
+        if !self.has_lights {
+            return Vec::new();
+        }
+        let world = self.world;
+        let n = (RAYS / self.lights.n_lamps().max(1)).clamp(1, OF_ONE);
+        let follow = |ray: &Ray| {
+            let (mut ray, mut met) = (*ray, Vec::new());
+            for _ in 0..LAYERS {
+                let Some((hit, surface)) = world.closest_visible(&ray) else { break };
+                met.push((hit, surface, ray.dir));
+                if !world.may_be_transparent(surface.material) {
+                    break;
+                }
+                ray = surface.ray(ray.dir);
+            }
+            met
+        };
+        let rays = self.lights.rays(world.accel().bounds(), n, rng::key(&[self.seed, 0x6C61_6E64]));
+        rays.par_iter().flat_map_iter(follow).collect()
     }
 
     /// Some lights are lamps.

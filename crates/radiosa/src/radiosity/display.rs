@@ -193,7 +193,7 @@ fn nodes(cells: impl Fn(usize) -> Cell, n: usize, out: &mut Vec<Cell>) {
         let end = cells(end);
         let Some(next) = next.map(&cells).filter(|next| next.weight > 0.5 && end.weight > 0.5) else { return end };
         let towards =
-            |c: usize| (1.5 * end.value[c] - 0.5 * next.value[c]).clamp(0.5 * end.value[c], 2.0 * end.value[c].max(0.0));
+            |c: usize| (1.5 * end.value[c] - 0.5 * next.value[c]).max(0.5 * end.value[c]).min(2.0 * end.value[c].max(0.0));
         Cell { value: std::array::from_fn(towards), weight: end.weight }
     };
     out.push(end(0, (n > 1).then_some(1)));

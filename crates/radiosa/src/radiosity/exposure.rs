@@ -40,6 +40,9 @@ pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight) -
         .map(|node| {
             let (e, k) = (node / POINTS, node % POINTS);
             let (element, from) = (&elements[e], starts[node]);
+            if mesh.is_replaced(element, element.at(mesh::point(e as u32, k as u32))) {
+                return (Vec::new(), false);
+            }
             let normal = element.normal.as_vec3();
             let mut met = Vec::with_capacity(RAYS as usize);
             let mut is_lit = mesh.patches()[element.patch as usize].emits(world, element.side);
@@ -59,6 +62,12 @@ pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight) -
             (met, is_lit || direct.reaches(&point_of(world, mesh, e, k).0, normal))
         })
         .collect();
+    let mut found = found;
+    for (hit, surface, dir) in direct.landings() {
+        if let Some(node) = node_at(mesh, &hit, surface.p, dir) {
+            found[node].1 = true;
+        }
+    }
     let is_exposed = groups::lit(&found);
     let of_element = |e: usize| {
         let first: u64 = (0..POINTS).filter(|k| is_exposed[e * POINTS + k]).map(|k| 1 << k).sum();
@@ -84,6 +93,9 @@ fn sees_exposed(
     direct: &DirectLight,
 ) -> bool {
     let normal = mesh.elements()[e].normal.as_vec3();
+    if mesh.is_replaced(&mesh.elements()[e], mesh.elements()[e].at(mesh::point(e as u32, k as u32))) {
+        return false;
+    }
     let (surface, from) = point_of(world, mesh, e, k);
     let mut directions = directions(normal, 2 * RAYS, rng::key(&[e as u64, k as u64, 0x6D6F_7265]));
     let sees = directions.any(|dir| match seen(world, mesh, from, dir) {

@@ -64,19 +64,16 @@ impl Matrix {
     ///
     /// The exposed area of an element that others cover nearly whole is found by points, what it exchanges by rays: where the quotient is too large, two such
     /// elements sent each other more in every sweep than they had got.
-    pub fn limit(&mut self, tau: &dyn Fn(usize) -> f64) {
-        /// More than other errors of factors make of one.
-        const EXCESS: f64 = 0.02;
-        let scale = |i: usize| {
-            let [sum, passes] = self.row(i).fold([0.0; 2], |[sum, passes], (j, f)| [sum + f, passes + f * tau(j)]);
-            if sum > 1.0 + passes + EXCESS { (1.0 + passes) / sum } else { 1.0 }
-        };
-        let scales: Vec<f64> = (0..self.n()).map(scale).collect();
+    pub fn limit(&mut self, tau: &dyn Fn(usize) -> f64) -> Limited {
+        let scales: Vec<f64> = (0..self.n()).map(|i| share_of_row(self.row(i), tau)).collect();
+        let mut limited = Limited { rows: scales.iter().filter(|s| **s < 1.0).count(), largest: 0.0 };
+        (0..self.n()).for_each(|i| limited.largest = self.row_sum(i).max(limited.largest));
         for i in 0..self.n() {
             for (j, f) in &mut self.entries[self.starts[i]..self.starts[i + 1]] {
                 *f = (f64::from(*f) * scales[i].min(scales[*j as usize])) as f32;
             }
         }
+        limited
     }
 
     /// Rows.
@@ -114,6 +111,23 @@ impl Matrix {
     pub fn arriving_sum(&self, i: usize) -> [f64; 3] {
         self.arriving(i).fold([0.0; 3], |sum, (_, f)| std::array::from_fn(|c| sum[c] + f[c]))
     }
+}
+
+/// Raw rows that summed to more than there is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Limited {
+    /// How many were brought down.
+    pub rows: usize,
+    /// The largest sum of any row, before.
+    pub largest: f64,
+}
+
+/// The part of a row `(j, F_ij)` that makes it sum to what there is, where it sums to more; else one.
+pub(super) fn share_of_row(row: impl Iterator<Item = (usize, f64)>, tau: &dyn Fn(usize) -> f64) -> f64 {
+    /// More than other errors of factors make of one.
+    const EXCESS: f64 = 0.02;
+    let [sum, passes] = row.fold([0.0; 2], |[sum, passes], (j, f)| [sum + f, passes + f * tau(j)]);
+    if sum > 1.0 + passes + EXCESS { (1.0 + passes) / sum } else { 1.0 }
 }
 
 /// Columns and values of a row, one array each.

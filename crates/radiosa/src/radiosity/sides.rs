@@ -2,7 +2,8 @@
 //!
 //! A wall has two sides, and one of them usually faces nothing that matters: the outside of a room, the inside of a solid. Rays from random points of
 //! every side tell which sides see each other; sides are joined to groups by that, and a group without any source of light is dropped. A group is
-//! kept whole, so a gap that few rays find still joins what lies on both sides of it when one ray does.
+//! kept whole, so a gap that few rays find still joins what lies on both sides of it when one ray does. Rays from lamps tell what they light, however little
+//! that is; for skies that are seen through little, large dark sides look again.
 
 use rayon::prelude::*;
 
@@ -31,6 +32,16 @@ pub enum Side {
     Back = 1,
 }
 
+impl Side {
+    /// Behind it.
+    pub(super) fn other(self) -> Self {
+        match self {
+            Self::Front => Self::Back,
+            Self::Back => Self::Front,
+        }
+    }
+}
+
 /// The same reflectance, emission and presence everywhere on a patch.
 pub(super) fn is_constant(world: &World, patch: &Patch) -> bool {
     let material = world.material(patch.material);
@@ -51,7 +62,7 @@ pub(super) fn is_constant(world: &World, patch: &Patch) -> bool {
 pub(super) fn lit(world: &World, patches: &Patches, direct: &DirectLight) -> Vec<[bool; 2]> {
     let n = patches.patches.len();
     let rays = (BUDGET / (2 * n as u32).max(1)).clamp(RAYS[0], RAYS[1]);
-    let seen: Vec<(Vec<u32>, bool)> = (0..2 * n)
+    let mut seen: Vec<(Vec<u32>, bool)> = (0..2 * n)
         .into_par_iter()
         .map(|node| {
             let patch = &patches.patches[node / 2];
@@ -79,7 +90,38 @@ pub(super) fn lit(world: &World, patches: &Patches, direct: &DirectLight) -> Vec
             (met, is_lit)
         })
         .collect();
-    groups::lit(&seen).chunks_exact(2).map(|sides| [sides[0], sides[1]]).collect()
+    for (hit, _, dir) in direct.landings() {
+        if let Some((patch, side)) = patches.side_at(&hit, dir) {
+            seen[2 * patch as usize + side as usize].1 = true;
+        }
+    }
+    let is_lit = groups::lit(&seen);
+    let is_lit = if direct.has_sky() { looked_again(world, patches, seen, is_lit) } else { is_lit };
+    is_lit.chunks_exact(2).map(|sides| [sides[0], sides[1]]).collect()
+}
+
+/// Groups again, after sides that are dark so far have sent out more rays for a sky, the larger the more.
+fn looked_again(world: &World, patches: &Patches, mut seen: Vec<(Vec<u32>, bool)>, is_lit: Vec<bool>) -> Vec<bool> {
+    let normal = |node: usize| area_vector(patches.patches[node / 2].corners()) * if node % 2 == 0 { 1.0 } else { -1.0 };
+    let dark: Vec<usize> = (0..seen.len()).filter(|&node| !is_lit[node] && normal(node) != DVec3::ZERO).collect();
+    let area: f64 = dark.iter().map(|&node| normal(node).length()).sum();
+    let sees_out = |&node: &usize| {
+        let (patch, normal) = (&patches.patches[node / 2], normal(node));
+        let rays = (f64::from(BUDGET / 4) * normal.length() / area) as u32;
+        let (unit, key) = (normal.normalize_or_zero(), rng::key(&[node as u64, 0x736B_7961]));
+        let frame = Frame::from_normal(unit.as_vec3());
+        (0..rays).any(|i| {
+            let [at, u] = sequence::point_4d(i, key);
+            let surface = surface_of(world, patch, inside(patch, at), unit);
+            world.closest_visible(&surface.ray(frame.to_world(warp::cosine_hemisphere(u)))).is_none()
+        })
+    };
+    let found: Vec<bool> = dark.par_iter().map(sees_out).collect();
+    if !found.contains(&true) {
+        return is_lit;
+    }
+    dark.iter().zip(found).for_each(|(&node, sees_out)| seen[node].1 |= sees_out);
+    groups::lit(&seen)
 }
 
 /// A point of a patch, uniform for triangles and parallelograms.

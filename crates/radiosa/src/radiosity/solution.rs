@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::direct::DirectLight;
 use super::form_factor::{Estimator, Factors, Row};
-use super::matrix::Matrix;
+use super::matrix::{Limited, Matrix};
 use super::medium::Medium;
 use super::mesh::{self, Blocks, ElementMesh};
 use super::refine;
@@ -61,7 +61,7 @@ pub struct Solution {
     pub unshot: Vec<[f64; 3]>,
     /// Standard errors of H_i, by element, for solvers that leave something to chance; else empty. Those of B_i are ρ_i times as large.
     pub irradiance_error: Vec<[f64; 3]>,
-    /// Sums of form factors as estimated.
+    /// Sums of form factors as they are used: estimated, and brought down where an element would receive more than there is ([`Radiosity::limited`]).
     pub sums: Sums,
     /// Form factors above zero in the matrix.
     pub n_factors: usize,
@@ -170,6 +170,7 @@ pub struct Radiosity<'a> {
     n_pairs: u64,
     n_exchanges: u64,
     has_converged: bool,
+    limited: Limited,
     solution: Solution,
 }
 
@@ -240,6 +241,7 @@ impl<'a> Radiosity<'a> {
             n_pairs: 0,
             n_exchanges: 0,
             has_converged: false,
+            limited: Limited::default(),
             solution,
         }
     }
@@ -273,6 +275,11 @@ impl<'a> Radiosity<'a> {
     /// Factors are being found for a matrix, all of which has to be held.
     pub fn factors_to_hold(&self) -> Option<&Factors<'a>> {
         self.factors.as_ref().filter(|_| matches!(self.progress, Progress::Factors(..)))
+    }
+
+    /// What of the matrix, as it was estimated, was brought down when it was put together.
+    pub fn limited(&self) -> Limited {
+        self.limited
     }
 
     /// What [`Self::resume`] wants beside the solution.
@@ -309,8 +316,8 @@ impl<'a> Radiosity<'a> {
             return Some(pairs_of(of.end, n) as f64 / pairs_of(n, n).max(1) as f64);
         }
         let mut matrix = factors.assemble(parts);
-        let tau = &self.solution.system.transmittance;
-        matrix.limit(&|j| tau.get(j).map_or(0.0, |t| (t[0] + t[1] + t[2]) / 3.0));
+        let system = &self.solution.system;
+        self.limited = matrix.limit(&|j| system.passes(j));
         self.solution.sums = Sums::of(&matrix);
         self.solution.n_factors = matrix.n_entries();
         self.progress = Progress::Gathering(matrix, *sweep);

@@ -105,9 +105,10 @@ impl Unknowns<'_> {
         let power = |b: &[[f64; 3]], c: usize| b.iter().zip(&system.area).map(|(b, a)| a * b[c].abs()).sum::<f64>();
         let of = |c: usize| {
             let all = power(self.radiosity, c);
-            if all > 0.0 { power(self.unshot, c) / all } else { 0.0 }
+            if all > 0.0 { power(self.unshot, c) / all } else { all }
         };
-        (0..3).map(of).fold(0.0, f64::max)
+        // (What is no number is no residual, and no end.)
+        (0..3).map(of).fold(0.0, |worst, r| if r.is_nan() || r > worst { r } else { worst })
     }
 }
 
@@ -124,6 +125,11 @@ impl System {
     /// Elements.
     pub fn n(&self) -> usize {
         self.area.len()
+    }
+
+    /// The part of light that passes an element, with one for all channels, as form factors have it.
+    pub fn passes(&self, i: usize) -> f64 {
+        self.transmittance.get(i).map_or(0.0, |t| (t[0] + t[1] + t[2]) / 3.0)
     }
 
     /// `E_i + ρ_i D_i`: what leaves an element before any light has gone from surface to surface.
@@ -148,7 +154,7 @@ impl System {
 
     /// Where the power is; every part from what it is defined by.
     ///
-    /// What is absorbed is `A_i (1 − ρ_i) H_i` but for what passes; what escapes is measured by the raw row sums, `A_i (B_i − U_i) (1 − Σ_j F_ij)`, what the
+    /// What is absorbed is `A_i (1 − ρ_i) H_i` but for what passes; what escapes is measured by the row sums of the factors in use, `A_i (B_i − U_i) (1 − Σ_j F_ij)`, what the
     /// medium absorbs by `A_i (B_i − U_i) Σ_j (1 − τ_ij) F_ij`: the sums of elements that have sent out nothing need not be known. What passes a surface is met
     /// once more behind it, and rows sum to more than one by as much; so it is added to what escapes ([`Self::passed`]).
     pub fn balance(&self, sums: &Sums, irradiance: &[[f64; 3]], radiosity: &[[f64; 3]], unshot: &[[f64; 3]]) -> Balance {

@@ -10,9 +10,9 @@ use crate::emitter::environment::Sky;
 use crate::emitter::random::PointSampler;
 use crate::emitter::{Emitter, EnvironmentShadows, Incident};
 use crate::math::rounding::{self, gamma};
-use crate::math::{Ray, Vec3};
+use crate::math::{Bounds, Frame, Ray, Vec3};
 use crate::radiometry::lambertian_radiance;
-use crate::sampling::Stream;
+use crate::sampling::{Stream, rng, sequence, warp};
 use crate::scene::Light;
 use crate::spectrum::Spectrum;
 
@@ -142,6 +142,50 @@ impl Lights {
             self.n_points = 0;
         }
         self
+    }
+
+    /// Lights with a place or a direction, about.
+    pub(crate) fn n_lamps(&self) -> u32 {
+        self.emitters
+            .iter()
+            .filter(|e| matches!(e, Emitter::Point(_) | Emitter::Spot(_) | Emitter::Distant(_) | Emitter::Discrete(_)))
+            .count() as u32
+    }
+
+    /// Rays that go where the light of lamps goes, about `n` for each, so that what is lit can be found however narrow the light is: from points in all
+    /// directions of their cones, from suns through everything in `bounds`.
+    pub(crate) fn rays(&self, bounds: Bounds, n: u32, key: u64) -> Vec<Ray> {
+        let mut rays = Vec::new();
+        let (centre, radius) = (bounds.centre(), 0.5 * bounds.extent().length());
+        let mut through = |to_light: Vec3, n: u32, key: u64| {
+            let frame = Frame::from_normal(to_light);
+            rays.extend((0..n).map(|i| {
+                let at = warp::uniform_disc(sequence::point_2d(i, key)) * radius;
+                Ray::new(centre + frame.to_world(Vec3::new(at.x, at.y, radius)), -to_light)
+            }));
+        };
+        for (k, emitter) in self.emitters.iter().enumerate() {
+            let key = rng::key(&[key, k as u64]);
+            match emitter {
+                Emitter::Distant(sun) => through(sun.to_light, n, key),
+                Emitter::Discrete(suns) => {
+                    let each = n / (suns.incidents.len() as u32).max(1);
+                    suns.incidents.iter().enumerate().for_each(|(i, sun)| through(sun.wi, each, rng::mix(key ^ i as u64)));
+                }
+                _ => {}
+            }
+        }
+        for (k, emitter) in self.emitters.iter().enumerate() {
+            let (position, axis, cos) = match emitter {
+                Emitter::Point(point) => (point.position, Vec3::Z, -1.0),
+                Emitter::Spot(spot) => (spot.point.position, spot.axis, spot.profile.cos_cutoff()),
+                _ => continue,
+            };
+            let (frame, key) = (Frame::from_normal(axis), rng::key(&[key, k as u64]));
+            let dir = |i: u32| frame.to_world(warp::uniform_cone(sequence::point_2d(i, key), cos));
+            rays.extend((0..n).map(|i| Ray::new(position, dir(i))));
+        }
+        rays
     }
 
     /// Point sources the emissive surfaces became.

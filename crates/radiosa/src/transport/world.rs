@@ -228,7 +228,7 @@ impl World {
         self.has_transparency
     }
 
-    pub(super) fn may_be_transparent(&self, id: Option<MaterialId>) -> bool {
+    pub(crate) fn may_be_transparent(&self, id: Option<MaterialId>) -> bool {
         id.is_some_and(|id| self.transparent[id.index()])
     }
 

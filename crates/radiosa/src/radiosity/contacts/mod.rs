@@ -5,9 +5,12 @@
 //!
 //! A contact counts when it is as long as half an element and the surface rises from it by a quarter of one: what is smaller is in the way of little light. Cells of a grid
 //! are cut where it crosses them, each on its own, into quadrilaterals and triangles; a line that ends inside a cell is drawn on to the cell's border.
-//! Surfaces that lie flat on others make no lines but by what rises from them.
+//! Of surfaces that lie flat on others their outlines count: light hardly gets under them.
 
 mod boxes;
+mod coincident;
+
+pub(super) use coincident::{coincident, holds};
 
 use std::collections::BTreeMap;
 
@@ -21,6 +24,8 @@ use crate::math::polygon::area_vector;
 
 /// What is nearer than this touches, in lengths of an element's edge.
 const NEAR: f64 = 1e-3;
+/// What is nearer than this and parallel lies flat on another surface, in the same.
+const FLAT: f64 = 0.02;
 /// A contact is at least so long, and what touches rises from it at least so high, in the same.
 const LONG: f64 = 0.5;
 const HIGH: f64 = 0.25;
@@ -95,9 +100,12 @@ fn contacts(patches: &[Patch], kept: &[[bool; 2]], size: f64, most: usize) -> Ve
     let of_patch = |&p: &u32| {
         let mut found = Vec::new();
         if kept[p as usize] != [false; 2] {
-            boxes.touching(&bounds[p as usize].grown(NEAR * size), tests, |q| {
-                let contact = contact(patches[p as usize].corners(), patches[q as usize].corners(), size);
-                found.extend(contact.filter(|_| q != p).map(|contact| (p, contact)));
+            boxes.touching(&bounds[p as usize].grown(FLAT * size), tests, |q| {
+                if q != p {
+                    let [p_corners, q_corners] = [p, q].map(|i| patches[i as usize].corners());
+                    found.extend(contact(p_corners, q_corners, size).map(|contact| (p, contact)));
+                    found.extend(outline(p_corners, q_corners, size).into_iter().flatten().map(|contact| (p, contact)));
+                }
             });
         }
         found
@@ -141,8 +149,28 @@ fn contact(p: &[DVec3], q: &[DVec3], size: f64) -> Option<Contact> {
             add(a + (b - a) * (heights[k] / (heights[k] - heights[l])));
         }
     }
-    let [from, to] = ends?;
-    // What of it lies within the patch, and not on its border.
+    let [from, to] = within(p, normal, ends?, near)?;
+    let counts = (to - from).length() >= LONG * size;
+    counts.then(|| Contact { from, to, area: of_q.length() })
+}
+
+/// The edges of the polygon `q` where it lies flat on the polygon `p`, if they count.
+fn outline(p: &[DVec3], q: &[DVec3], size: f64) -> [Option<Contact>; 4] {
+    let (normal, of_q) = (area_vector(p).normalize_or_zero(), area_vector(q));
+    let height = |c: DVec3| (c - p[0]).dot(normal);
+    if of_q.length() < (LONG * size).powi(2) || q.iter().any(|c| height(*c).abs() > FLAT * size) {
+        return [None; 4];
+    }
+    std::array::from_fn(|k| {
+        let ends = [*q.get(k)?, q[(k + 1) % q.len()]].map(|c| c - normal * height(c));
+        let [from, to] = within(p, normal, ends, NEAR * size)?;
+        let counts = (to - from).length() >= LONG * size;
+        counts.then(|| Contact { from, to, area: of_q.length() })
+    })
+}
+
+/// What of a line lies within the polygon `p`, and not on its border.
+fn within(p: &[DVec3], normal: DVec3, [from, to]: [DVec3; 2], near: f64) -> Option<[DVec3; 2]> {
     let (mut t0, mut t1) = (0.0f64, 1.0f64);
     for k in 0..p.len() {
         let inwards = normal.cross(p[(k + 1) % p.len()] - p[k]).normalize_or_zero();
@@ -156,9 +184,7 @@ fn contact(p: &[DVec3], q: &[DVec3], size: f64) -> Option<Contact> {
             t1 = t1.min(a / (a - b));
         }
     }
-    let [from, to] = [t0, t1].map(|t| from + (to - from) * t);
-    let counts = t1 > t0 && (to - from).length() >= LONG * size;
-    counts.then(|| Contact { from, to, area: of_q.length() })
+    (t1 > t0).then(|| [t0, t1].map(|t| from + (to - from) * t))
 }
 
 /// The cells of a patch that contacts touch, cut.

@@ -33,7 +33,7 @@ const RAYS: [f64; 2] = [2048.0, 512.0];
 pub struct Arriving {
     /// W/m² or lux.
     pub irradiance: Spectrum,
-    /// Standard error of its luminance, from the rays that decide about visibility.
+    /// Standard error of its luminance, from the rays that decide about visibility and from what the solver left to chance.
     pub standard_error: f64,
 }
 
@@ -127,7 +127,16 @@ impl<'a> Gather<'a> {
         self.collect(start.as_dvec3(), n.as_dvec3(), scratch);
         self.look(start, n.as_dvec3(), RAYS[0], key, scratch);
         let variance = |p: &Piece| (p.factor * luminance(p.radiosity)).powi(2) * p.seen * (1.0 - p.seen) / f64::from(p.n_rays);
-        let variance: f64 = scratch.pieces.iter().map(variance).sum();
+        let visibility: f64 = scratch.pieces.iter().map(variance).sum();
+        // What the solver left to chance arrives from every element, by its reflectance.
+        let errors = &self.solution.irradiance_error;
+        let solver = |pieces: &[Piece]| {
+            let (j, rho) = (pieces[0].element as usize, self.solution.system.reflectance[pieces[0].element as usize]);
+            let error = errors.get(j).map_or(0.0, |e| luminance(std::array::from_fn(|c| rho[c] * e[c])));
+            (error * pieces.iter().map(|p| p.factor * p.seen).sum::<f64>()).powi(2)
+        };
+        let of_elements = scratch.pieces.chunk_by(|a, b| a.element == b.element);
+        let variance = visibility + of_elements.map(solver).sum::<f64>();
         if let Some(near) = &self.near {
             near.look_again(self, scratch);
         }

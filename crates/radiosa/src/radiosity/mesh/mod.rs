@@ -192,6 +192,8 @@ pub struct ElementMesh {
     /// By patch; none where every cell is whole.
     splits: Vec<Option<Splits>>,
     elements: Vec<Element>,
+    /// By patch: those that are there in its place where they share a part of its plane.
+    before: BTreeMap<u32, Vec<u32>>,
     record: Record,
 }
 
@@ -217,7 +219,7 @@ impl ElementMesh {
             Sides::Both => vec![[true; 2]; patches.patches.len()],
             Sides::Front => vec![[true, false]; patches.patches.len()],
         };
-        let mut mesh = Self::whole(patches, settings, kept);
+        let mut mesh = Self::whole(world, patches, settings, kept);
         if settings.sides == Sides::Lit {
             mesh.set_exposed(exposure::exposed(world, &mesh, direct));
         }
@@ -225,7 +227,17 @@ impl ElementMesh {
     }
 
     /// The cells of the kept sides of patches, none divided again.
-    fn whole(patches: Patches, settings: &Settings, kept: Vec<[bool; 2]>) -> Self {
+    fn whole(world: &World, patches: Patches, settings: &Settings, mut kept: Vec<[bool; 2]>) -> Self {
+        let is_opaque = |patch: &Patch| !world.may_be_transparent(patch.material);
+        let about = settings.size.unwrap_or_else(|| size_for(&patches.patches, &vec![[true; 2]; kept.len()], settings.elements));
+        let before = contacts::coincident(&patches.patches, is_opaque, about);
+        // What light reaches in their place reaches those that are there.
+        let normal = |p: u32| area_vector(patches.patches[p as usize].corners());
+        for (&p, &first) in before.iter().flat_map(|(p, all)| all.iter().map(move |first| (p, first))) {
+            let [front, back] = kept[p as usize];
+            let sides = if normal(p).dot(normal(first)) >= 0.0 { [front, back] } else { [back, front] };
+            kept[first as usize].iter_mut().zip(sides).for_each(|(kept, side)| *kept |= side && settings.sides == Sides::Lit);
+        }
         let size = settings.size.unwrap_or_else(|| size_for(&patches.patches, &kept, settings.elements));
         let grids: Vec<[u32; 2]> = patches.patches.iter().map(|patch| cells(patch, size)).collect();
         let n_cells = |n: &[u32; 2]| (n[0] * n[1]) as usize;
@@ -237,7 +249,28 @@ impl ElementMesh {
         let splits = |n, pieces: BTreeMap<_, _>| (!pieces.is_empty()).then(|| Splits::new(pieces, vec![1; n_cells(n)]));
         let grids = grids.iter().zip(pieces).map(|(n, pieces)| (*n, splits(n, pieces))).collect();
         let record = Record { settings: settings.clone(), kept, refined: Vec::new(), exposed: Vec::new() };
-        Self::build(patches, grids, record)
+        Self::build(patches, grids, before, record)
+    }
+
+    /// The patches in whose plane others lie, each with the first that is there in its place.
+    pub fn coincident(&self) -> impl ExactSizeIterator<Item = (&Patch, &Patch)> {
+        let patch = |index: u32| &self.patches.patches[index as usize];
+        self.before.iter().map(move |(&of, before)| (patch(of), patch(before[0])))
+    }
+
+    /// The patch and side that are there at a point of a patch's side: of several in one plane the first.
+    fn there(&self, index: u32, side: Side, p: DVec3) -> (u32, Side) {
+        let corners = |index: u32| self.patches.patches[index as usize].corners();
+        let Some(&first) = self.before.get(&index).and_then(|all| all.iter().find(|&&q| contacts::holds(corners(q), p))) else {
+            return (index, side);
+        };
+        let agree = area_vector(corners(index)).dot(area_vector(corners(first))) >= 0.0;
+        (first, if agree { side } else { side.other() })
+    }
+
+    /// Another surface is there in the place of an element's at a point of it.
+    pub(super) fn is_replaced(&self, element: &Element, p: DVec3) -> bool {
+        self.there(element.patch, element.side, p).0 != element.patch
     }
 
     /// How it came to be.
@@ -251,7 +284,7 @@ impl ElementMesh {
         if record.kept.len() != patches.patches.len() {
             return None;
         }
-        let mut mesh = Self::whole(patches, &record.settings, record.kept.clone());
+        let mut mesh = Self::whole(world, patches, &record.settings, record.kept.clone());
         for marked in &record.refined {
             if marked.len() != mesh.elements.len() {
                 return None;
@@ -276,9 +309,9 @@ impl ElementMesh {
     }
 
     /// Elements over given grids.
-    fn build(patches: Patches, grids: Vec<([u32; 2], Option<Splits>)>, record: Record) -> Self {
+    fn build(patches: Patches, grids: Vec<([u32; 2], Option<Splits>)>, before: BTreeMap<u32, Vec<u32>>, record: Record) -> Self {
         let kept = record.kept.clone();
-        let mut mesh = Self { grids: Vec::new(), splits: Vec::new(), patches, elements: Vec::new(), record };
+        let mut mesh = Self { grids: Vec::new(), splits: Vec::new(), patches, elements: Vec::new(), before, record };
         for (p, (n, splits)) in grids.into_iter().enumerate() {
             let patch = mesh.patches.patches[p];
             let mut grid = Grid { n, first: [None; 2] };
@@ -344,7 +377,7 @@ impl ElementMesh {
         let grids = self.grids.iter().zip(splits).map(|(g, s)| (g.n, s.map(|s| Splits::new(s.pieces, s.k)))).collect();
         let Record { settings, kept, mut refined, .. } = self.record.clone();
         refined.push(marked.to_vec());
-        Self::build(self.patches.clone(), grids, Record { settings, kept, refined, exposed: Vec::new() })
+        Self::build(self.patches.clone(), grids, self.before.clone(), Record { settings, kept, refined, exposed: Vec::new() })
     }
 
     /// In the order of patches; of one patch the front before the back.
@@ -375,6 +408,7 @@ impl ElementMesh {
 
     /// The same with the point's parameters within the element, along its own corners: those of [`Patch::at`].
     fn locate(&self, index: u32, side: Side, p: DVec3) -> Option<(u32, [f64; 2])> {
+        let (index, side) = self.there(index, side, p);
         let patch = &self.patches.patches[index as usize];
         let grid = &self.grids[index as usize];
         let first = grid.first[side as usize]?;

@@ -58,17 +58,21 @@ impl Default for Stop {
 }
 
 impl Stop {
-    /// A step was good enough to be the last.
+    /// A step was good enough to be the last, or there have been too many.
     pub fn is_reached(&self, record: &Record) -> bool {
-        let converged = match record.error {
+        self.is_satisfied(record) || record.step >= self.steps
+    }
+
+    /// A step was good enough to be the last.
+    pub fn is_satisfied(&self, record: &Record) -> bool {
+        match record.error {
             Some(error) => error <= self.error,
             // (A shot that meets nothing but black changes no radiosity.)
             None => {
                 let has_settled = self.change > 0.0 && record.change <= self.change;
                 record.residual <= self.residual || has_settled || record.unshot() <= self.unshot
             }
-        };
-        converged || record.step >= self.steps
+        }
     }
 }
 
@@ -96,8 +100,9 @@ pub struct Record {
 impl Record {
     /// Unshot power as a fraction of the emitted, the channel where it is largest.
     pub fn unshot(&self) -> f64 {
-        let emitted = self.balance.emitted.iter().fold(0.0f64, |a, &b| a.max(b));
-        let unshot = self.balance.unshot.iter().fold(0.0f64, |a, &b| a.max(b.abs()));
+        // (What is no number stays so: it must not pass for nothing.)
+        let largest = |v: [f64; 3]| v.into_iter().fold(0.0f64, |a, b| if b.is_nan() || b.abs() > a { b.abs() } else { a });
+        let (emitted, unshot) = (largest(self.balance.emitted), largest(self.balance.unshot));
         if emitted > 0.0 { unshot / emitted } else { 0.0 }
     }
 }

@@ -17,7 +17,8 @@
 use std::io;
 
 use super::super::form_factor::{Factors, Row};
-use super::super::medium::{Medium, Passing};
+use super::super::matrix;
+use super::super::medium::Passing;
 use super::super::mesh::Blocks;
 use super::super::stream::{In, Out};
 use super::super::system::{Sums, System, Unknowns};
@@ -72,12 +73,13 @@ struct KeptRow {
 }
 
 impl KeptRow {
-    /// Of `n` elements.
-    fn new(row: &Row, n: usize, medium: &Medium) -> Self {
-        let kept = || row.entries.iter().enumerate().filter(|(_, (j, _))| (*j as usize) < n);
-        let mut passing = Passing::new(medium);
+    /// Of the elements of a system; where it would send out more than there is, brought down to that ([`matrix::share_of_row`]).
+    fn new(row: &Row, system: &System) -> Self {
+        let kept = || row.entries.iter().enumerate().filter(|(_, (j, _))| (*j as usize) < system.n());
+        let mut passing = Passing::new(&system.medium);
         kept().for_each(|(k, _)| passing.push(row.passing.at(k)));
-        Self { entries: kept().map(|(_, &(j, f))| (j, f as f32)).collect(), passing }
+        let share = matrix::share_of_row(kept().map(|(_, &(j, f))| (j as usize, f)), &|j| system.passes(j));
+        Self { entries: kept().map(|(_, &(j, f))| (j, (f * share) as f32)).collect(), passing }
     }
 
     /// `(j, F_ij, τ_ij)`.
@@ -136,7 +138,7 @@ impl Shooting {
         for s in shooters {
             let kept = self.kept[s as usize].take();
             let is_new = kept.is_none() && !std::mem::take(&mut self.forgotten[s as usize]);
-            let row = kept.unwrap_or_else(|| KeptRow::new(&found.next().unwrap_or_default(), system.n(), &system.medium));
+            let row = kept.unwrap_or_else(|| KeptRow::new(&found.next().unwrap_or_default(), system));
             let n = row.entries.len();
             work.exchanges += n as u64;
             self.shoot(s, row.links(), system, unknowns, sums);
