@@ -8,9 +8,11 @@ use std::time::Instant;
 
 use radiosa::export::image::Recipe;
 use radiosa::export::{self, ExportError};
+use radiosa::hybrid::FinalGather;
 use radiosa::import::Warning;
 use radiosa::measure::{self, Grid, Reading, Sensor, Summary};
 use radiosa::radiosity::{self, gather};
+use radiosa::sampling::rng;
 use radiosa::scene::Quantity;
 use radiosa::transport::World;
 use rayon::prelude::*;
@@ -43,14 +45,14 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
     let mut scene = plan::load(&args.scene, &args.changes, &args.work, &mut warnings)?;
     let without_effect = |option: &&String| match args.method {
         MeasureMethod::Raycast => *option == "solution" || Radiosity::options().contains(option),
-        MeasureMethod::Radiosity => *option == "emitters",
+        MeasureMethod::Radiosity | MeasureMethod::Hybrid => *option == "emitters",
     };
     warnings.extend(args.given.iter().filter(without_effect).map(|option| Warning {
         name: "no-effect",
         path: PathBuf::from(&args.scene),
         message: format!("--{option} changes nothing with --method {}", method_name(args.method)),
     }));
-    if args.method == MeasureMethod::Radiosity {
+    if args.method != MeasureMethod::Raycast {
         radiosity::tessellate(&mut scene, solve::rings(&args.radiosity, args.solution.as_deref())?);
     }
     let world = plan::prepare(scene, &args.work)?;
@@ -63,7 +65,7 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
         output::say_warnings(&warnings);
     }
     let readings = match args.method {
-        MeasureMethod::Radiosity => by_radiosity(args, &world, &sensors)?,
+        MeasureMethod::Radiosity | MeasureMethod::Hybrid => by_radiosity(args, &world, &sensors)?,
         MeasureMethod::Raycast => {
             let direct = measure::Direct::new(&world, args.emitters);
             sensors.par_iter().map(|sensor| direct.at(&world, sensor)).collect()
@@ -127,6 +129,7 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
 fn method_name(method: MeasureMethod) -> &'static str {
     match method {
         MeasureMethod::Radiosity => "radiosity",
+        MeasureMethod::Hybrid => "hybrid",
         MeasureMethod::Raycast => "raycast",
     }
 }
@@ -176,6 +179,9 @@ fn sensors(args: &Measure, world: &World) -> Result<(Vec<Sensor>, Option<Grid>),
     }
 }
 
+/// Rays and points of emissive surfaces of a sensor that gathers by rays.
+const SENSOR: [u32; 2] = [16_384, 4096];
+
 /// Sensors up to which each looks closely at what is near.
 const DETAILED: usize = 256;
 
@@ -186,6 +192,15 @@ fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec
     bar.finish();
     if done < 1.0 {
         tell(&format!("warning[unfinished]: {:.1} % of the light is solved for", done * 100.0));
+    }
+    if args.method == MeasureMethod::Hybrid {
+        let gather = FinalGather::new(world, &solution, &[], args.seed);
+        let at = |(k, sensor): (usize, &Sensor)| {
+            let (surface, n) = sensor.place(world);
+            let arriving = gather.sensor(&surface, n, SENSOR, rng::key(&[args.seed, k as u64]));
+            Reading { irradiance: arriving.irradiance, standard_error: arriving.standard_error }
+        };
+        return Ok(sensors.par_iter().enumerate().map(at).collect());
     }
     let gather = gather::Gather::new(world, &solution, &[], args.seed);
     let gather = if sensors.len() <= DETAILED { gather.with_details() } else { gather };

@@ -70,6 +70,8 @@ pub(crate) struct Measure {
 pub(crate) enum MeasureMethod {
     /// Light that has gone from surface to surface any number of times
     Radiosity,
+    /// The same, gathered once more at every sensor from what is around it by rays, with direct light by random points of lamps
+    Hybrid,
     /// Light that comes from lamps directly
     Raycast,
 }

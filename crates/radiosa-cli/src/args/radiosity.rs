@@ -8,7 +8,7 @@ use super::value::{parse_color, parse_scale};
 #[derive(Args, Clone, Debug, PartialEq)]
 #[command(next_help_heading = "Radiosity")]
 pub(crate) struct Radiosity {
-    /// About how many elements surfaces are divided into, beyond one for each side of a surface [default: 4000, for the hybrid 1000]
+    /// About how many elements surfaces are divided into, beyond one for each side of a surface [default: 4000, for pictures of the hybrid 1000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=50_000_000))]
     pub(crate) elements: Option<u32>,
 
@@ -52,8 +52,8 @@ pub(crate) struct Radiosity {
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(2..=256))]
     pub(crate) sphere_rings: u32,
 
-    /// Times that elements are divided into four where light varies most, after a first solve, up to about 11 000 elements [default: 1, for the
-    /// hybrid 0]
+    /// Times that elements are divided into four where light varies most, after a first solve, up to about 11 000 elements [default: 1, for
+    /// pictures of the hybrid 0]
     #[arg(long, value_name = "TIMES", value_parser = clap::value_parser!(u32).range(0..=8))]
     pub(crate) refine: Option<u32>,
 

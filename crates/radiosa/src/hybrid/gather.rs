@@ -9,9 +9,11 @@
 
 use std::f32::consts::{PI, TAU};
 
+use crate::bsdf::Bsdf;
 use crate::math::{Frame, Ray, Vec2, Vec3, function};
 use crate::radiosity::Solution;
 use crate::radiosity::direct::DirectLight;
+use crate::radiosity::gather::Arriving;
 use crate::radiosity::mesh::{Element, ElementMesh};
 use crate::sampling::{Stream, rng, warp};
 use crate::scene::{AlphaMode, Light, Material, Model};
@@ -24,6 +26,8 @@ const NEAR: [f32; 2] = [2.0, 8.0];
 /// Mirrors in a row that a ray of a gather follows, and straight passages through what is transparent.
 const MIRRORS: u32 = 4;
 const LAYERS: u32 = 16;
+/// Independent estimates at a sensor.
+const SETS: u32 = 16;
 /// Less than this of what a ray brings is not followed.
 const NEGLIGIBLE: f32 = 0.01;
 
@@ -160,6 +164,23 @@ impl<'a> FinalGather<'a> {
             sum += (b.light - a.light) * (width / a.distance.min(b.distance));
         }
         add(translation, across, sum);
+    }
+
+    /// All light at a sensor on the side of the unit normal `n`: direct light by about `points` points of emissive surfaces, the rest by about `rays` rays, both in
+    /// 16 independent sets whose spread tells the standard error. `key` names the random numbers.
+    pub fn sensor(&self, surface: &Surface, n: Vec3, [rays, points]: [u32; 2], key: u64) -> Arriving {
+        let white = Shading { n, wo: n, bsdf: Bsdf::lambert(Spectrum::WHITE), emission: Spectrum::BLACK, coverage: 1.0 };
+        let estimate = |set: u64| {
+            let key = rng::key(&[key, set]);
+            let random = (points.div_ceil(SETS), &mut Stream::new(key, 0, 0));
+            let direct = self.lights.at_random(self.world, surface, &white, Some(&Media::VACUUM), random, &mut 0).diffuse;
+            direct * PI + self.gather(surface, n, rays.div_ceil(SETS), key, &mut 0).irradiance
+        };
+        let sets: Vec<Spectrum> = (0..u64::from(SETS)).map(estimate).collect();
+        let irradiance = sets.iter().copied().sum::<Spectrum>() * (1.0 / SETS as f32);
+        let off = |e: &Spectrum| f64::from((*e - irradiance).luminance()).powi(2);
+        let variance = sets.iter().map(off).sum::<f64>() / f64::from(SETS * (SETS - 1));
+        Arriving { irradiance, standard_error: variance.sqrt() }
     }
 
     /// What a ray brings, and how far it went.

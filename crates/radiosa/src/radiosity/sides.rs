@@ -102,7 +102,7 @@ pub(super) fn lit(world: &World, patches: &Patches, direct: &DirectLight) -> Vec
 
 /// Groups again, after sides that are dark so far have sent out more rays for a sky, the larger the more.
 fn looked_again(world: &World, patches: &Patches, mut seen: Vec<(Vec<u32>, bool)>, is_lit: Vec<bool>) -> Vec<bool> {
-    let normal = |node: usize| area_vector(patches.patches[node / 2].corners()) * if node % 2 == 0 { 1.0 } else { -1.0 };
+    let normal = |node: usize| area_vector(patches.patches[node / 2].corners()) * if node.is_multiple_of(2) { 1.0 } else { -1.0 };
     let dark: Vec<usize> = (0..seen.len()).filter(|&node| !is_lit[node] && normal(node) != DVec3::ZERO).collect();
     let area: f64 = dark.iter().map(|&node| normal(node).length()).sum();
     let sees_out = |&node: &usize| {

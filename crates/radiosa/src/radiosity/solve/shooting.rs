@@ -216,6 +216,7 @@ impl Shooting {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::medium::Medium;
     use super::*;
 
     /// Three squares of a closed room, so to speak: rows sum to one and areas times factors are symmetric.
