@@ -70,16 +70,16 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
 }
 
 /// What a command took, whole, in seconds.
-struct Cost {
+pub(crate) struct Cost {
     /// User and system time.
-    processor: f64,
-    wall: f64,
+    pub(crate) processor: f64,
+    pub(crate) wall: f64,
     /// What POV-Ray says it spent between parsing and writing.
     tracing: Option<f64>,
 }
 
 impl Cost {
-    fn of(command: &mut Command) -> Result<Self> {
+    pub(crate) fn of(command: &mut Command) -> Result<Self> {
         let (before, start) = (children_time()?, Instant::now());
         let output = command.output().with_context(|| format!("cannot start {command:?}"))?;
         let (processor, wall) = (children_time()? - before, start.elapsed().as_secs_f64());
@@ -102,7 +102,7 @@ pub(crate) fn children_time() -> Result<f64> {
     Ok(fields.iter().sum::<f64>() / 100.0)
 }
 
-fn median(values: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)

@@ -1,6 +1,7 @@
 //! `cargo xtask …`: the chores of the project.
 
 mod bench_factors;
+mod bench_race;
 mod bench_rays;
 mod bench_scanline;
 mod bench_whitted;
@@ -14,6 +15,7 @@ cargo xtask test [FILTER…]   install what tests need, then run every test
 cargo xtask bench rays       ray queries beside Embree (Debian's libembree-dev)
 cargo xtask bench factors    form factors beside pyviewfactor (from PyPI, into target/)
 cargo xtask bench scanline   scan line beside software OpenGL (Debian's libegl1, libgl1-mesa-dri)
+cargo xtask bench race       the hybrid beside POV-Ray with radiosity (Debian's povray)
 cargo xtask bench whitted    Whitted ray tracing beside POV-Ray (Debian's povray)
 cargo xtask figure convergence [SCENE] [OUTPUT.svg] [ELEMENTS]   how the radiosity solvers converge over work and time
 cargo xtask pictures         render the pictures of the README and the book again
@@ -27,6 +29,7 @@ fn main() -> ExitCode {
         ["bench", "rays", ..] => bench_rays::run(&args[2..]),
         ["bench", "factors", ..] => bench_factors::run(&args[2..]),
         ["bench", "scanline", ..] => bench_scanline::run(&args[2..]),
+        ["bench", "race", ..] => bench_race::run(&args[2..]),
         ["bench", "whitted", ..] => bench_whitted::run(&args[2..]),
         ["figure", "convergence", rest @ ..] => figure_convergence(rest),
         ["pictures"] => pictures(),

@@ -179,8 +179,9 @@ fn sensors(args: &Measure, world: &World) -> Result<(Vec<Sensor>, Option<Grid>),
     }
 }
 
-/// Rays and points of emissive surfaces of a sensor that gathers by rays.
-const SENSOR: [u32; 2] = [16_384, 4096];
+/// Rays of all sensors that gather by rays, about, and of one at least and at most; a quarter as many points of emissive surfaces.
+const RAYS: u32 = 1 << 24;
+const OF_ONE: [u32; 2] = [4096, 1 << 16];
 
 /// Sensors up to which each looks closely at what is near.
 const DETAILED: usize = 256;
@@ -195,9 +196,10 @@ fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec
     }
     if args.method == MeasureMethod::Hybrid {
         let gather = FinalGather::new(world, &solution, &[], args.seed);
+        let rays = (RAYS / sensors.len() as u32).clamp(OF_ONE[0], OF_ONE[1]);
         let at = |(k, sensor): (usize, &Sensor)| {
             let (surface, n) = sensor.place(world);
-            let arriving = gather.sensor(&surface, n, SENSOR, rng::key(&[args.seed, k as u64]));
+            let arriving = gather.sensor(&surface, n, [rays, rays / 4], rng::key(&[args.seed, k as u64]));
             Reading { irradiance: arriving.irradiance, standard_error: arriving.standard_error }
         };
         return Ok(sensors.par_iter().enumerate().map(at).collect());

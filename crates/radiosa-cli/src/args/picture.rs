@@ -120,8 +120,8 @@ pub(crate) struct Picture {
     #[arg(long, value_enum, default_value_t = Show::Radiance, help_heading = "Radiosity")]
     pub(crate) show: Show,
 
-    /// Rays of a final gather
-    #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Hybrid")]
+    /// Rays of a final gather, at least: where they are noisy the cache takes up to sixteen times as many
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Hybrid")]
     pub(crate) gather: u32,
 
     /// How far gathers are interpolated: about the relative error allowed to the irradiance cache; 0: a gather at every camera sample

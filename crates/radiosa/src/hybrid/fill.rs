@@ -20,6 +20,9 @@ const FIRST: u32 = 64;
 const LAST: u32 = 2;
 /// Gathers made at once: later ones of a pass know the earlier ones.
 const AT_ONCE: usize = 256;
+/// Of the error allowed to the cache, the part that gathers may have; those that have more are made again by four times as many rays, and once more.
+const NOISE: f32 = 0.15;
+const MORE: u32 = 2;
 /// Records reach this many pixels at least.
 const LEAST: f32 = 1.5;
 
@@ -90,7 +93,16 @@ impl<'a> Solver for Filling<'a, '_> {
             let gather = |(i, w): (usize, &&Wanted)| {
                 let key = rng::key(&[hybrid.settings.seed, first + i as u64, 0x6761_7468_6572]);
                 let mut n_rays = 0;
-                (hybrid.gather.gather(&w.surface, w.n, hybrid.settings.rays, key, &mut n_rays), n_rays)
+                let mut rays = hybrid.settings.rays;
+                let mut gathered = hybrid.gather.gather(&w.surface, w.n, rays, key, &mut n_rays);
+                for _ in 0..MORE {
+                    if gathered.error <= NOISE * hybrid.settings.cache {
+                        break;
+                    }
+                    rays *= 4;
+                    gathered = hybrid.gather.gather(&w.surface, w.n, rays, rng::mix(key), &mut n_rays);
+                }
+                (gathered, n_rays)
             };
             let gathered: Vec<_> = unknown.par_iter().enumerate().map(gather).collect();
             let unknown: Vec<Wanted> = unknown.into_iter().copied().collect();

@@ -59,6 +59,8 @@ pub struct Gathered {
     pub rotation: [Vec3; 3],
     /// The harmonic mean of the distances to what is around, metres.
     pub distance: f32,
+    /// Standard error of the irradiance's luminance, about, relative to it: from the differences between neighbouring cells.
+    pub error: f32,
 }
 
 impl Gathered {
@@ -102,7 +104,7 @@ impl<'a> FinalGather<'a> {
         let side = if surface.ng.dot(n) >= 0.0 { surface.ng } else { -surface.ng };
         let count = (m * turns) as f32;
         let mut gathered = Gathered::default();
-        let mut nearness = 0.0;
+        let (mut nearness, mut differences) = (0.0, 0.0);
         let mut before = vec![Cell::default(); m as usize];
         let mut column = before.clone();
         let mut first = before.clone();
@@ -133,6 +135,7 @@ impl<'a> FinalGather<'a> {
                 column.clone_from(&first);
             }
             if k > 0 {
+                differences += before.iter().zip(&column).map(|(a, b)| (a.light - b.light).luminance().powi(2)).sum::<f32>();
                 self.change_across(&before, &column, (k % turns, turns), &frame, &mut gathered.translation);
             }
             if k < turns {
@@ -140,6 +143,9 @@ impl<'a> FinalGather<'a> {
             }
             std::mem::swap(&mut before, &mut column);
         }
+        // Half the square of a difference is the variance of independent cells; a slope from cell to cell leaves a sixth of that within each.
+        let mean = gathered.irradiance.luminance();
+        gathered.error = if mean > 0.0 { (differences / 4.0).sqrt() / mean } else { 0.0 };
         gathered.irradiance *= PI / count;
         gathered.rotation = gathered.rotation.map(|g| g * (PI / count));
         gathered.distance = if nearness > 0.0 { count / nearness } else { f32::INFINITY };
