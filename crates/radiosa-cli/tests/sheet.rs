@@ -148,6 +148,8 @@ fn what_cannot_be_made_is_said_before_anything_is_drawn() {
         (&["room", "--rows", "seed=1", "-o", "s.exr"], 1, ".png"),
         (&["room"], 2, "--rows"),
         (&["room", "--rows", "methd=raycast"], 1, "\"method\""),
+        (&["room", "--rows", "spp=1,2", "--columns", "spp=4,8"], 2, "both sides"),
+        (&["room", "--rows", "ambient=0,[0.1,0.1"], 2, "left open"),
         (&["room", "--rows", "method=raycats"], 1, "raycast"),
         (&["whitted", "--rows", "light.suun.intensity=1"], 1, "light.sun.intensity"),
         (&["--figure", "diffuse-ambiant"], 1, "diffuse-ambient"),
@@ -158,6 +160,22 @@ fn what_cannot_be_made_is_said_before_anything_is_drawn() {
         assert_eq!(output.status.code(), Some(code), "{args:?}: {}", text(&output.stderr));
         assert!(text(&output.stderr).contains(said), "{args:?}: {}", text(&output.stderr));
     }
+}
+
+#[test]
+fn a_side_without_effect_is_said_and_titles_name_what_is_shown() {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    let common = ["--size", "16x12", "--spp", "1", "-o", "s.png"];
+    let named =
+        |report: &Value| report["warnings"].as_array().expect("a list").iter().filter(|w| w["name"] == "no-effect").count();
+    let flat = sheet(dir.path(), &[&["whitted", "--columns", "interpolation=flat,gouraud"], &common[..]].concat());
+    assert_eq!(named(&flat), 1, "{flat}");
+    // One method of two looks at it.
+    let both = ["whitted", "--rows", "method=whitted,scanline", "--columns", "interpolation=flat,gouraud"];
+    let both = sheet(dir.path(), &[&both, &common[..]].concat());
+    assert_eq!(named(&both), 0, "{both}");
+    let scenes = sheet(dir.path(), &[&["--rows", "scene=whitted,room", "--columns", "spp=1,2"], &common[..]].concat());
+    assert_eq!(scenes["title"], "scene × spp");
 }
 
 #[test]

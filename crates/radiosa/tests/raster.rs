@@ -38,29 +38,29 @@ fn tally(counts: &[u32]) -> [usize; 3] {
     })
 }
 
-/// A net of `n × n` cells over the whole picture and a little beyond, its inner vertices moved by up to `jitter` cells and rounded to `grain` steps, each cell cut
+/// A net of `n[0] × n[1]` cells over the whole picture and a little beyond, its inner vertices moved by up to `jitter` cells and rounded to `grain` steps, each cell cut
 /// along one of its diagonals.
-fn net(n: u32, jitter: f32, grain: i32, seed: u64) -> Vec<[[i32; 2]; 3]> {
+fn net(n: [u32; 2], jitter: f32, grain: i32, seed: u64) -> Vec<[[i32; 2]; 3]> {
     let mut random = Stream::new(seed, 0, 0);
-    let cell = (SIDE as f32 + 2.0) * 256.0 / n as f32;
+    let cell = n.map(|n| (SIDE as f32 + 2.0) * 256.0 / n as f32);
     let half = (SIDE as f32 + 2.0) * 128.0;
     let mut vertices = Vec::new();
-    for j in 0..=n {
-        for i in 0..=n {
+    for j in 0..=n[1] {
+        for i in 0..=n[0] {
             let u = random.next_2d() - radiosa::math::Vec2::splat(0.5);
-            let inner = i > 0 && j > 0 && i < n && j < n;
+            let inner = i > 0 && j > 0 && i < n[0] && j < n[1];
             let moved = if inner { u * (2.0 * jitter) } else { radiosa::math::Vec2::ZERO };
-            let place = |k: u32, d: f32| {
-                let v = (k as f32 + d) * cell - half;
+            let place = |axis: usize, k: u32, d: f32| {
+                let v = (k as f32 + d) * cell[axis] - half;
                 if inner { (v / grain as f32).round() as i32 * grain } else { v.round() as i32 }
             };
-            vertices.push([place(i, moved.x), place(j, moved.y)]);
+            vertices.push([place(0, i, moved.x), place(1, j, moved.y)]);
         }
     }
-    let at = |i: u32, j: u32| vertices[(j * (n + 1) + i) as usize];
+    let at = |i: u32, j: u32| vertices[(j * (n[0] + 1) + i) as usize];
     let mut triangles = Vec::new();
-    for j in 0..n {
-        for i in 0..n {
+    for j in 0..n[1] {
+        for i in 0..n[0] {
             let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
             let (one, two) = if random.next_f32() < 0.5 { ([a, b, c], [a, c, d]) } else { ([a, b, d], [b, c, d]) };
             // Either winding: the rule must not depend on it.
@@ -74,19 +74,33 @@ fn net(n: u32, jitter: f32, grain: i32, seed: u64) -> Vec<[[i32; 2]; 3]> {
 
 #[test]
 fn a_million_shared_edges_leave_no_crack_and_draw_nothing_twice() {
-    let mut n_edges = 0;
-    for path in [CpuPath::Portable, CpuPath::detect()] {
-        // Cells from a hundred pixels down to half a pixel; vertices anywhere, and on pixel centres and corners, where edges pass through samples.
-        for (n, grain) in [(5, 1), (37, 128), (64, 256), (150, 1), (150, 128), (250, 64), (300, 1)] {
-            let triangles = net(n, 0.15, grain, u64::from(n) + grain as u64);
-            n_edges += triangles.len() * 3 / 2;
+    let (mut n_edges, mut n_slivers) = (0, 0);
+    // Cells from a hundred pixels down to half a pixel; vertices anywhere, and on pixel centres and corners, where edges pass through samples.
+    let even =
+        [(5, 1), (37, 128), (64, 256), (150, 1), (150, 128), (250, 64), (300, 1), (360, 1)].map(|(n, grain)| ([n, n], grain));
+    // Slivers: across the whole picture and less than a pixel high, and as many upright.
+    let long = [([2, 900], 1), ([900, 3], 1), ([7, 400], 1)];
+    for (n, grain) in even.into_iter().chain(long) {
+        let triangles = net(n, 0.15, grain, u64::from(n[0]) + grain as u64);
+        n_edges += triangles.len() * 3 / 2;
+        n_slivers += triangles.iter().filter(|t| is_sliver(t)).count();
+        for path in [CpuPath::Portable, CpuPath::detect()] {
             let mut counts = vec![0; (SIDE * SIDE) as usize];
             triangles.iter().for_each(|t| add(&mut counts, path, *t));
             let [never, _, often] = tally(&counts);
-            assert_eq!((never, often), (0, 0), "{n} cells, grain {grain}, {path}");
+            assert_eq!((never, often), (0, 0), "{n:?} cells, grain {grain}, {path}");
         }
     }
-    assert!(n_edges > 1_000_000, "{n_edges}");
+    println!("{n_edges} edges, {n_slivers} slivers");
+    assert!(n_edges > 1_000_000 && n_slivers > 10_000, "{n_edges} edges, {n_slivers} slivers");
+}
+
+/// Ten times as long as it is high.
+fn is_sliver(v: &[[i32; 2]; 3]) -> bool {
+    let d = |a: [i32; 2], b: [i32; 2]| [f64::from(b[0] - a[0]), f64::from(b[1] - a[1])];
+    let (a, b) = (d(v[0], v[1]), d(v[0], v[2]));
+    let longest = [a, b, d(v[1], v[2])].iter().map(|e| e[0] * e[0] + e[1] * e[1]).fold(0.0, f64::max);
+    10.0 * (a[0] * b[1] - a[1] * b[0]).abs() < longest
 }
 
 /// The twin: closed triangles, as a rule that includes all edges has them, or open ones.
@@ -112,7 +126,7 @@ fn with_all_edges(counts: &mut [u32], v: [[i32; 2]; 3], closed: bool) {
 
 #[test]
 fn the_test_catches_rules_that_include_or_exclude_every_edge() {
-    let triangles = net(64, 0.15, 128, 1);
+    let triangles = net([64, 64], 0.15, 128, 1);
     for closed in [true, false] {
         let mut counts = vec![0; (SIDE * SIDE) as usize];
         triangles.iter().for_each(|t| with_all_edges(&mut counts, *t, closed));

@@ -18,11 +18,11 @@ pub(crate) struct Measure {
     pub(crate) points: Option<PathBuf>,
 
     /// Sensors facing up on a horizontal grid with this spacing in metres, over the floor of the scene
-    #[arg(long, value_name = "METRES", value_parser = parse_scale, allow_negative_numbers = true)]
+    #[arg(long, value_name = "METRES", value_parser = parse_scale)]
     pub(crate) grid: Option<f64>,
 
     /// How far above the lowest point of the scene the grid lies, in metres
-    #[arg(long, value_name = "METRES", default_value_t = 0.8, value_parser = parse_scale, allow_negative_numbers = true)]
+    #[arg(long, value_name = "METRES", default_value_t = 0.8, value_parser = parse_scale)]
     pub(crate) height: f64,
 
     /// By which method
@@ -30,7 +30,7 @@ pub(crate) struct Measure {
     pub(crate) method: MeasureMethod,
 
     /// Illuminance in lux and lm/m² also where the scene is radiometric: watts count as this many lumens [179 when no number is given]
-    #[arg(long, value_name = "LM/W", num_args = 0..=1, default_missing_value = "179", value_parser = parse_scale, allow_negative_numbers = true)]
+    #[arg(long, value_name = "LM/W", num_args = 0..=1, default_missing_value = "179", value_parser = parse_scale)]
     pub(crate) lux: Option<f64>,
 
     /// Where to write: .csv, .json, or .png for a picture of a grid in false colours (repeatable); standard output, as CSV, when left out

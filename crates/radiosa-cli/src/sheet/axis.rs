@@ -58,7 +58,8 @@ impl Axis {
             .split_once('=')
             .filter(|(p, v)| !p.trim().is_empty() && !v.trim().is_empty())
             .ok_or_else(|| Error::Misuse(format!("{text:?} has no values: write PARAM=V1,V2,…")))?;
-        Self::new(parameter.trim(), name, &split(values))
+        let values = split(values).ok_or_else(|| Error::Misuse(format!("a bracket or a quote is left open in {text:?}")))?;
+        Self::new(parameter.trim(), name, &values)
     }
 
     /// A parameter and its values.
@@ -73,16 +74,17 @@ impl Axis {
     }
 }
 
-/// Values between commas; commas within brackets, braces and quotes belong to a value.
-fn split(text: &str) -> Vec<String> {
+/// Values between commas; commas within brackets, braces and quotes belong to a value. `None` when one of those is left open, or closed twice.
+fn split(text: &str) -> Option<Vec<String>> {
     let (mut parts, mut depth, mut quote) = (vec![String::new()], 0i32, None);
     for c in text.chars() {
         match (c, quote) {
-            (',', None) if depth <= 0 => {
+            (',', None) if depth == 0 => {
                 parts.push(String::new());
                 continue;
             }
             ('[' | '{', None) => depth += 1,
+            (']' | '}', None) if depth == 0 => return None,
             (']' | '}', None) => depth -= 1,
             ('"' | '\'', None) => quote = Some(c),
             (c, Some(q)) if c == q => quote = None,
@@ -92,7 +94,7 @@ fn split(text: &str) -> Vec<String> {
             last.push(c);
         }
     }
-    parts.iter().map(|p| p.trim().to_owned()).collect()
+    (depth == 0 && quote.is_none()).then(|| parts.iter().map(|p| p.trim().to_owned()).collect())
 }
 
 impl Change {
@@ -146,7 +148,7 @@ impl Change {
             Self::Set(value) => cell.picture.scene.set.push(value.clone()),
             Self::Option { name, value } => {
                 // Colours are written without brackets there.
-                let value = value.trim_start_matches('[').trim_end_matches(']');
+                let value = value.strip_prefix('[').and_then(|v| v.strip_suffix(']')).unwrap_or(value);
                 // Without defaults: what is not given stays as it is.
                 let mut command =
                     picture_command().no_binary_name(true).mut_args(|a| a.default_value(clap::builder::Resettable::Reset));
@@ -169,6 +171,20 @@ fn picture_command() -> Command {
     Picture::augment_args_for_update(Command::new("sheet"))
 }
 
+/// The options along the two sides.
+pub(super) fn options_of(sides: [&Axis; 2]) -> Vec<&str> {
+    let changes = sides.into_iter().flat_map(|axis| &axis.entries).flat_map(|entry| &entry.changes);
+    let mut names: Vec<&str> = changes
+        .filter_map(|change| match change {
+            Change::Option { name, .. } => Some(name.as_str()),
+            _ => None,
+        })
+        .collect();
+    names.sort_unstable();
+    names.dedup();
+    names
+}
+
 /// The options a cell may have of its own: all those of a picture but its size, which is that of all cells, and `set`, which paths stand for.
 fn options() -> impl Iterator<Item = String> {
     let command = picture_command();
@@ -182,8 +198,9 @@ mod tests {
 
     #[test]
     fn commas_within_brackets_and_quotes_belong_to_a_value() {
-        assert_eq!(split("0, [0.1,0.2, 0.3],\"a,b\",x"), ["0", "[0.1,0.2, 0.3]", "\"a,b\"", "x"]);
-        assert_eq!(split("]],["), ["]]", "["]);
+        let values = split("0, [0.1,0.2, 0.3],\"a,b\",x").expect("all of them are closed");
+        assert_eq!(values, ["0", "[0.1,0.2, 0.3]", "\"a,b\"", "x"]);
+        assert!(["]],[", "0,[0.1,0.1", "\"a,b"].iter().all(|text| split(text).is_none()));
     }
 
     #[test]

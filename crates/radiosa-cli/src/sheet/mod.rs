@@ -86,7 +86,8 @@ fn sheet(args: &Sheet, json: bool) -> Result<ExitCode, Error> {
     let pixels = u64::from(layout.width) * u64::from(layout.height);
     plan::within_memory(&format!("a sheet of {}x{}", layout.width, layout.height), 36 * pixels, work)?;
 
-    let drawn = draw_all(&plan.cells, work, &mut warnings)?;
+    let options = axis::options_of([&plan.rows, &plan.columns]);
+    let drawn = draw_all(&plan.cells, &options, work, &mut warnings)?;
     warnings.sort();
     warnings.dedup();
     if !work.quiet {
@@ -175,8 +176,15 @@ fn plan_sheet(args: &Sheet) -> Result<Plan, Error> {
                 let help = "say what changes with --rows and --columns, or name a --figure (--list shows them)";
                 return Err(Error::Misuse(help.into()));
             }
+            if rows.what == columns.what {
+                let message = format!("{:?} is on both sides of the sheet, and a cell can have one value of it only", rows.what);
+                return Err(Error::Misuse(message));
+            }
             let what: Vec<&str> = [&rows, &columns].iter().map(|a| a.what.as_str()).filter(|w| !w.is_empty()).collect();
-            let title = format!("{}: {}", base.scene, what.join(" × "));
+            let title = match what.join(" × ") {
+                what if rows.what == "scene" || columns.what == "scene" => what,
+                what => format!("{}: {what}", base.scene),
+            };
             (rows, columns, title, false, "sheet")
         }
     };
@@ -231,8 +239,10 @@ fn stage(cell: &Cell, work: &Work, warnings: &mut Vec<Warning>) -> Result<Stage,
 }
 
 /// Draws what there is time for; cells that differ in their layer only share a drawing.
-fn draw_all(cells: &[Cell], work: &Work, warnings: &mut Vec<Warning>) -> Result<Vec<Option<Drawn>>, Error> {
+fn draw_all(cells: &[Cell], options: &[&str], work: &Work, warnings: &mut Vec<Warning>) -> Result<Vec<Option<Drawn>>, Error> {
     let start = Instant::now();
+    // By option: whether it had an effect on some cell, and what is said where it had none.
+    let mut effects: Vec<(bool, Option<String>)> = vec![(false, None); options.len()];
     let mut all: Vec<Option<Drawn>> = cells.iter().map(|_| None).collect();
     for i in 0..cells.len() {
         let left = work.time.map(|limit| limit.saturating_sub(start.elapsed()));
@@ -251,7 +261,17 @@ fn draw_all(cells: &[Cell], work: &Work, warnings: &mut Vec<Warning>) -> Result<
         let choice = method::choose(picture, &stage.world)?;
         plan::within_memory("a cell with its scene", stage.memory_with(&layers) + choice.memory(&stage.world, picture), work)?;
         let lighting = method::light(&stage, picture, choice);
-        // What has no effect in one cell may have in another.
+        for (option, (has_effect, said)) in options.iter().zip(&mut effects) {
+            match choice
+                .misfits(picture, &stage.camera, &[(*option).to_owned()])
+                .into_iter()
+                .find(|(name, _)| *name == "no-effect")
+            {
+                Some((_, message)) => *said = Some(message),
+                None => *has_effect = true,
+            }
+        }
+        // What has no effect in one cell may have in another: of options along the sides it is said at the end.
         let said = choice.misfits(picture, &stage.camera, &[]).into_iter().chain(lighting.warnings.iter().cloned());
         warnings.extend(said.map(|(name, message)| Warning { name, path: PathBuf::from(&cells[i].scene), message }));
         let watch = Watch::new(&format!("cell {} of {}", i + 1, cells.len()), choice, &Work { time: left, ..work.clone() });
@@ -263,6 +283,9 @@ fn draw_all(cells: &[Cell], work: &Work, warnings: &mut Vec<Warning>) -> Result<
             let samples = output::samples(picture, choice);
             all[j] = Some(Drawn { film, method: choice.name(), samples, tone_map, done: drawing.done });
         }
+    }
+    for (_, said) in effects.into_iter().filter(|(has_effect, _)| !has_effect) {
+        warnings.extend(said.map(|message| Warning { name: "no-effect", path: PathBuf::from(&cells[0].scene), message }));
     }
     Ok(all)
 }
