@@ -96,7 +96,15 @@ pub(crate) fn saved_or_solved(
     bar: &progress::Progress,
 ) -> Result<(Solution, f64), Error> {
     match solution {
-        Some(path) => Ok((file::open(path, work.max_memory)?.into_solution(world)?, 1.0)),
+        Some(path) => {
+            let saved = file::open(path, work.max_memory)?;
+            if !work.quiet
+                && let Some(unfinished) = saved.recipe().get(UNFINISHED)
+            {
+                tell(&format!("warning[unfinished]: {}: {unfinished}", path.display()));
+            }
+            Ok((saved.into_solution(world)?, 1.0))
+        }
         None => solved(world, settings, None, work, bar, None).map(|solved| {
             if !work.quiet {
                 solved.warnings.iter().for_each(|(name, message)| tell(&format!("warning[{name}]: {message}")));
@@ -111,6 +119,9 @@ pub(crate) const UNIT: &str = "pairs and rays";
 
 /// The key in recipes of solutions: spheres have to be divided in the same way when they are read.
 const SPHERE_RINGS: &str = "sphere-rings";
+
+/// The key in recipes of solutions that were not solved to their end.
+const UNFINISHED: &str = "unfinished";
 
 /// Where a solve is saved, and how often.
 struct Save<'a> {
@@ -279,7 +290,7 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
         warnings.push(Warning { name: "dark", path: PathBuf::from(&args.scene), message: format!("the scene {what}") });
     }
     if !args.resume && output.exists() {
-        let message = "it is replaced; --resume would go on with it".to_owned();
+        let message = format!("{} is replaced; --resume would go on with it", output.display());
         warnings.push(Warning { name: "replaced", path: output.clone(), message });
     }
     if !work.quiet {
@@ -299,20 +310,26 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
         None
     };
     let resumed = state.as_ref().map(|(_, solution, _)| solution.history.records.len());
-    let save = Save { path: &output, recipe: &recipe, every: args.save_every };
+    let on_the_way = recipe.clone().with(UNFINISHED, "saved on the way; solve with --resume goes on with it");
+    let save = Save { path: &output, recipe: &on_the_way, every: args.save_every };
     let bar = progress::Progress::new("solve", UNIT, work.quiet);
     let solved = solved(&world, &settings, state, work, &bar, Some(&save))?;
     bar.finish();
     let named =
         |(name, message): &(&'static str, String)| Warning { name, path: PathBuf::from(&args.scene), message: message.clone() };
-    let late: Vec<Warning> = solved.warnings.iter().map(named).collect();
+    let without_effect = args.given.iter().filter(|option| !concerns(option, solved.solver)).map(|option| {
+        let message = format!("--{option} changes nothing with the solver {}", solved.solver);
+        Warning { name: "no-effect", path: PathBuf::from(&args.scene), message }
+    });
+    let late: Vec<Warning> = solved.warnings.iter().map(named).chain(without_effect).collect();
     if !work.quiet {
         output::say_warnings(&late);
     }
     warnings.extend(late);
     let began = Instant::now();
     let written = file::State { solution: &solved.solution, progress: solved.progress.as_ref() };
-    file::write(&output, &recipe, &world, &settings, written)?;
+    let recipe = if solved.done < 1.0 { &on_the_way } else { &recipe };
+    file::write(&output, recipe, &world, &settings, written)?;
     let exposure = match args.exposure {
         Exposure::Auto => None,
         Exposure::Factor(f) => Some(f),
@@ -392,6 +409,16 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
         crate::version::say(&report.to_string());
     }
     Ok(if interrupt::asked() { ExitCode::from(130) } else { ExitCode::SUCCESS })
+}
+
+/// An option means something to a solver.
+fn concerns(option: &str, solver: &str) -> bool {
+    match option {
+        "block" | "order" | "unshot" => solver == "shooting",
+        "error" | "rays" => solver == "stochastic",
+        "residual" => solver != "stochastic",
+        _ => true,
+    }
 }
 
 /// A number with four digits that say something.

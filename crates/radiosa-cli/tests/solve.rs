@@ -269,3 +269,19 @@ fn false_colours_say_how_much_light_there_is() {
     let output = radiosa(at, &["measure", "furnace.toml", "--points", "-", "-o", "x.png"]);
     assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
 }
+
+#[test]
+fn what_is_unfinished_or_without_effect_is_said() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let at = dir.path();
+    let report = ok(at, &["solve", "room", "-o", "a.radiosa", "--time", "1ms", "--order", "cyclic"]);
+    assert!(report["done"].as_f64().is_some_and(|done| done < 1.0), "{report}");
+    let named = |name: &str| report["warnings"].as_array().expect("a list").iter().any(|w| w["name"] == name);
+    assert!(named("no-effect") && !named("unfinished"), "{report}");
+    let info = Process::new(assert_cmd::cargo::cargo_bin("radiosa")).current_dir(at).args(["info", "a.radiosa"]).output();
+    assert!(String::from_utf8_lossy(&info.expect("it starts").stdout).contains("unfinished"));
+    let measure = ["measure", "room", "--grid", "2", "--solution", "a.radiosa", "-o", "a.csv"];
+    let measured = Process::new(assert_cmd::cargo::cargo_bin("radiosa")).current_dir(at).args(measure).output();
+    let said = String::from_utf8_lossy(&measured.expect("it starts").stderr).into_owned();
+    assert!(said.contains("warning[unfinished]"), "{said}");
+}

@@ -52,6 +52,7 @@ impl Arguments {
             Some(Verb::Sheet(sheet)) => &mut sheet.given,
             Some(Verb::Render(render)) => &mut render.given,
             Some(Verb::Measure(measure)) => &mut measure.given,
+            Some(Verb::Solve(solve)) => &mut solve.given,
             _ => return arguments,
         };
         if let Some((_, matches)) = matches.subcommand() {

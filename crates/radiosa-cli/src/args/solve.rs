@@ -46,4 +46,8 @@ pub(crate) struct Solve {
 
     #[command(flatten)]
     pub(crate) work: Work,
+
+    /// The options that were given, by name.
+    #[arg(skip)]
+    pub(crate) given: Vec<String>,
 }

@@ -37,7 +37,7 @@ impl Stage {
             radiosa::radiosity::tessellate(&mut scene, solve::rings(&picture.radiosity, picture.solution.as_deref())?);
         }
         let memory = scene_memory(&scene);
-        within_memory("the scene", memory, work)?;
+        within_memory_or("the scene", memory, work, OF_SCENES)?;
         let start = Instant::now();
         let world = World::prepare(scene, cpu_path)?;
         let build_time = start.elapsed();
@@ -58,9 +58,12 @@ impl Stage {
 /// When it takes too much memory or is wrong.
 pub(crate) fn prepare(scene: Scene, work: &Work) -> Result<World, Error> {
     let cpu_path = cpu_path(work.cpu_path)?;
-    within_memory("the scene", scene_memory(&scene), work)?;
+    within_memory_or("the scene", scene_memory(&scene), work, OF_SCENES)?;
     Ok(World::prepare(scene, cpu_path)?)
 }
+
+/// What helps where a scene takes too much.
+const OF_SCENES: &str = "ask for a larger --max-memory, or leave parts of the scene out";
 
 /// About what a prepared world takes, bytes: so much a primitive, and the pictures.
 fn scene_memory(scene: &Scene) -> u64 {
@@ -77,11 +80,10 @@ pub(crate) fn within_memory_or(what: &str, needed: u64, work: &Work, advice: &st
     if needed <= work.max_memory {
         return Ok(());
     }
-    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-    Err(Error::failed(
-        format!("{what} takes about {} MiB, more than the {} MiB allowed", mib(needed), mib(work.max_memory)),
-        advice,
-    ))
+    // Both in one unit in which they differ.
+    let (unit, name) = if work.max_memory < 10 << 20 { (1 << 10, "KiB") } else { (1 << 20, "MiB") };
+    let (needed, allowed) = (needed.div_ceil(unit), work.max_memory / unit);
+    Err(Error::failed(format!("{what} takes about {needed} {name}, more than the {allowed} {name} allowed"), advice))
 }
 
 fn image_bytes(image: &radiosa::scene::Image) -> u64 {
