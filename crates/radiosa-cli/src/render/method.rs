@@ -148,14 +148,14 @@ pub(crate) struct Lighting {
 /// Ray casting or recursive ray tracing.
 enum Traced {
     RayCast(RayCast),
-    Whitted(Whitted),
+    Whitted(Box<Whitted>),
 }
 
 impl Traced {
     fn new(stage: &Stage, picture: &Picture, choice: Choice, extra_lights: &[Light]) -> Self {
         let (world, forward) = (&stage.world, stage.view.forward());
         if choice.method == Method::Whitted {
-            return Self::Whitted(Whitted::new(world, &whitted_settings(stage, picture, extra_lights), forward));
+            return Self::Whitted(Box::new(Whitted::new(world, &whitted_settings(stage, picture, extra_lights), forward)));
         }
         let settings = ray_cast::Settings {
             shadows: picture.shadows == OnOff::On && choice.method != Method::Scanline,
@@ -402,6 +402,7 @@ fn whitted_settings(stage: &Stage, picture: &Picture, extra_lights: &[Light]) ->
         viewer: viewer(picture),
         extra_lights: extra_lights.to_vec(),
         footprint: footprint(stage, picture),
+        eye: Some(stage.view.eye()),
     }
 }
 
