@@ -147,6 +147,9 @@ fn what_cannot_be_made_is_said_before_anything_is_drawn() {
         (&["room", "--rows", &rows, "--columns", &columns][..], 1, "400"),
         (&["room", "--rows", "seed=1", "-o", "s.exr"], 1, ".png"),
         (&["room"], 2, "--rows"),
+        (&["room", "--rows", "spp=1,2", "--columns", "spp=4,8"], 2, "both change \"spp\""),
+        (&["room", "--rows", "ambient=0,[0.1,0.1"], 2, "opens '[' and does not close it"),
+        (&["room", "--rows", "ambient=[0.1"], 2, "opens '['"),
         (&["room", "--rows", "methd=raycast"], 1, "\"method\""),
         (&["room", "--rows", "method=raycats"], 1, "raycast"),
         (&["whitted", "--rows", "light.suun.intensity=1"], 1, "light.sun.intensity"),
@@ -158,6 +161,31 @@ fn what_cannot_be_made_is_said_before_anything_is_drawn() {
         assert_eq!(output.status.code(), Some(code), "{args:?}: {}", text(&output.stderr));
         assert!(text(&output.stderr).contains(said), "{args:?}: {}", text(&output.stderr));
     }
+}
+
+#[test]
+fn a_parameter_that_no_cell_looks_at_is_said() {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    let said = |args: &[&str]| {
+        let output = radiosa(dir.path(), &[&["sheet", "whitted", "--size", "8x6", "-o", "s.png"], args].concat());
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stderr).lines().filter(|l| l.starts_with("warning[no-effect]")).count()
+    };
+    assert_eq!(said(&["--columns", "interpolation=flat,gouraud"]), 1);
+    assert_eq!(
+        said(&["--columns", "interpolation=flat,gouraud", "--rows", "method=scanline,whitted"]),
+        0,
+        "scan line looks at it"
+    );
+    assert_eq!(said(&["--columns", "spp=1,2", "--cull", "back"]), 1);
+}
+
+#[test]
+fn a_title_names_the_scene_unless_that_is_what_changes() {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    let title = |args: &[&str]| sheet(dir.path(), &[args, &["--size", "8x6", "-o", "s.png"]].concat())["title"].clone();
+    assert_eq!(title(&["--rows", "scene=furnace,cornell-box", "--columns", "spp=1,2"]), "scene × spp");
+    assert_eq!(title(&["furnace", "--columns", "spp=1,2"]), "furnace: spp");
 }
 
 #[test]

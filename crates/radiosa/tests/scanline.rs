@@ -38,8 +38,8 @@ impl Setting {
         let view = View::new(&camera, world.origin(), size.0, size.1);
         let lights = LightSettings { emitters: Emitters::Points { n: emitters, max: 256 }, ..LightSettings::default() };
         let mut setting = Self { world, view, lights, extra_lights: Vec::new(), size };
-        let survey = default_light::survey(&setting.world, &setting.view, size, &setting.ray_cast());
-        if survey.visible == 0 {
+        let survey = default_light::survey(&setting.world, &setting.view, size, &setting.ray_cast(), || false);
+        if !survey.sees_light {
             setting.extra_lights = default_light::lights(&camera);
         }
         setting

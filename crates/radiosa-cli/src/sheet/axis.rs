@@ -58,7 +58,12 @@ impl Axis {
             .split_once('=')
             .filter(|(p, v)| !p.trim().is_empty() && !v.trim().is_empty())
             .ok_or_else(|| Error::Misuse(format!("{text:?} has no values: write PARAM=V1,V2,…")))?;
-        Self::new(parameter.trim(), name, &split(values))
+        let values = split(values).map_err(|open| {
+            Error::Misuse(format!(
+                "{text:?} opens {open:?} and does not close it: write a value that has commas as [0.1,0.2,0.3]"
+            ))
+        })?;
+        Self::new(parameter.trim(), name, &values)
     }
 
     /// A parameter and its values.
@@ -73,18 +78,22 @@ impl Axis {
     }
 }
 
-/// Values between commas; commas within brackets, braces and quotes belong to a value.
-fn split(text: &str) -> Vec<String> {
-    let (mut parts, mut depth, mut quote) = (vec![String::new()], 0i32, None);
+/// Values between commas; commas within brackets, braces and quotes belong to a value. An error is what was opened and not closed.
+fn split(text: &str) -> Result<Vec<String>, char> {
+    let (mut parts, mut open, mut quote) = (vec![String::new()], Vec::new(), None);
     for c in text.chars() {
+        let begins = parts.last().is_none_or(|part| part.trim().is_empty());
         match (c, quote) {
-            (',', None) if depth <= 0 => {
+            (',', None) if open.is_empty() => {
                 parts.push(String::new());
                 continue;
             }
-            ('[' | '{', None) => depth += 1,
-            (']' | '}', None) => depth -= 1,
-            ('"' | '\'', None) => quote = Some(c),
+            ('[' | '{', None) => open.push(c),
+            (']' | '}', None) => {
+                open.pop();
+            }
+            // Within a word it is an apostrophe.
+            ('"' | '\'', None) if begins || !open.is_empty() => quote = Some(c),
             (c, Some(q)) if c == q => quote = None,
             _ => {}
         }
@@ -92,7 +101,10 @@ fn split(text: &str) -> Vec<String> {
             last.push(c);
         }
     }
-    parts.iter().map(|p| p.trim().to_owned()).collect()
+    match quote.or(open.pop()) {
+        Some(open) => Err(open),
+        None => Ok(parts.iter().map(|p| p.trim().to_owned()).collect()),
+    }
 }
 
 impl Change {
@@ -130,6 +142,11 @@ impl Change {
         }
     }
 
+    /// The option it gives a value.
+    pub(crate) fn option(&self) -> Option<&str> {
+        if let Self::Option { name, .. } = self { Some(name) } else { None }
+    }
+
     /// True for an option with one of these names.
     pub(crate) fn is_one_of(&self, names: &[String]) -> bool {
         matches!(self, Self::Option { name, .. } if names.contains(name))
@@ -146,7 +163,7 @@ impl Change {
             Self::Set(value) => cell.picture.scene.set.push(value.clone()),
             Self::Option { name, value } => {
                 // Colours are written without brackets there.
-                let value = value.trim_start_matches('[').trim_end_matches(']');
+                let value = value.strip_prefix('[').and_then(|v| v.strip_suffix(']')).unwrap_or(value);
                 // Without defaults: what is not given stays as it is.
                 let mut command =
                     picture_command().no_binary_name(true).mut_args(|a| a.default_value(clap::builder::Resettable::Reset));
@@ -182,8 +199,11 @@ mod tests {
 
     #[test]
     fn commas_within_brackets_and_quotes_belong_to_a_value() {
-        assert_eq!(split("0, [0.1,0.2, 0.3],\"a,b\",x"), ["0", "[0.1,0.2, 0.3]", "\"a,b\"", "x"]);
-        assert_eq!(split("]],["), ["]]", "["]);
+        let parts = |text: &str| split(text).expect("all is closed");
+        assert_eq!(parts("0, [0.1,0.2, 0.3],\"a,b\",x"), ["0", "[0.1,0.2, 0.3]", "\"a,b\"", "x"]);
+        assert_eq!(parts("]],tom's.toml"), ["]]", "tom's.toml"]);
+        assert_eq!(["0,[0.1,0.1", "{a=[1]", "\"a,b", "['a]"].map(split), [Err('['), Err('{'), Err('"'), Err('\'')]);
+        assert!(matches!(Axis::parse("ambient=0,[0.1,0.1", None), Err(Error::Misuse(said)) if said.contains('[')));
     }
 
     #[test]

@@ -42,6 +42,14 @@ struct Plan {
     output: PathBuf,
 }
 
+impl Plan {
+    /// The options that change from row to row or from column to column.
+    fn options(&self) -> impl Iterator<Item = String> {
+        let entries = self.rows.entries.iter().chain(&self.columns.entries);
+        entries.flat_map(|entry| &entry.changes).filter_map(|change| change.option().map(str::to_owned))
+    }
+}
+
 /// A finished cell.
 struct Drawn {
     /// What it shows, as colour.
@@ -86,7 +94,8 @@ fn sheet(args: &Sheet, json: bool) -> Result<ExitCode, Error> {
     let pixels = u64::from(layout.width) * u64::from(layout.height);
     plan::within_memory(&format!("a sheet of {}x{}", layout.width, layout.height), 36 * pixels, work)?;
 
-    let drawn = draw_all(&plan.cells, work, &mut warnings)?;
+    let options: Vec<String> = plan.options().chain(args.given.iter().cloned()).collect();
+    let drawn = draw_all(&plan.cells, &options, work, &mut warnings)?;
     warnings.sort();
     warnings.dedup();
     if !work.quiet {
@@ -175,8 +184,17 @@ fn plan_sheet(args: &Sheet) -> Result<Plan, Error> {
                 let help = "say what changes with --rows and --columns, or name a --figure (--list shows them)";
                 return Err(Error::Misuse(help.into()));
             }
+            if rows.what == columns.what {
+                return Err(Error::Misuse(format!(
+                    "--rows and --columns both change {:?}: the columns would undo the rows; give them different parameters",
+                    rows.what
+                )));
+            }
             let what: Vec<&str> = [&rows, &columns].iter().map(|a| a.what.as_str()).filter(|w| !w.is_empty()).collect();
-            let title = format!("{}: {}", base.scene, what.join(" × "));
+            let title = match what.contains(&"scene") {
+                true => what.join(" × "),
+                false => format!("{}: {}", base.scene, what.join(" × ")),
+            };
             (rows, columns, title, false, "sheet")
         }
     };
@@ -230,9 +248,11 @@ fn stage(cell: &Cell, work: &Work, warnings: &mut Vec<Warning>) -> Result<Stage,
     Stage::new(scene, &cell.picture, work)
 }
 
-/// Draws what there is time for; cells that differ in their layer only share a drawing.
-fn draw_all(cells: &[Cell], work: &Work, warnings: &mut Vec<Warning>) -> Result<Vec<Option<Drawn>>, Error> {
+/// Draws what there is time for; cells that differ in their layer only share a drawing. Of the `options`, those that have no effect in any cell are said.
+fn draw_all(cells: &[Cell], options: &[String], work: &Work, warnings: &mut Vec<Warning>) -> Result<Vec<Option<Drawn>>, Error> {
     let start = Instant::now();
+    // What has no effect in one cell may have in another.
+    let mut ignored: Vec<Vec<Option<String>>> = options.iter().map(|_| Vec::new()).collect();
     let mut all: Vec<Option<Drawn>> = cells.iter().map(|_| None).collect();
     for i in 0..cells.len() {
         let left = work.time.map(|limit| limit.saturating_sub(start.elapsed()));
@@ -250,11 +270,13 @@ fn draw_all(cells: &[Cell], work: &Work, warnings: &mut Vec<Warning>) -> Result<
         let stage = stage(&cells[i], work, warnings)?;
         let choice = method::choose(picture, &stage.world)?;
         plan::within_memory("a cell with its scene", stage.memory_with(&layers) + choice.memory(&stage.world, picture), work)?;
-        let lighting = method::light(&stage, picture, choice);
-        // What has no effect in one cell may have in another.
-        let said = choice.misfits(picture, &stage.camera, &[]).into_iter().chain(lighting.warnings.iter().cloned());
+        let begun = Instant::now();
+        let work = Work { time: left, ..work.clone() };
+        let lighting = method::light(&stage, picture, choice, &|| method::is_over(begun, &work));
+        options.iter().zip(&mut ignored).for_each(|(option, whys)| whys.push(choice.why_ignored(option, picture)));
+        let said = choice.misfits(picture, &stage, &[]).into_iter().chain(lighting.warnings.iter().cloned());
         warnings.extend(said.map(|(name, message)| Warning { name, path: PathBuf::from(&cells[i].scene), message }));
-        let watch = Watch::new(&format!("cell {} of {}", i + 1, cells.len()), choice, &Work { time: left, ..work.clone() });
+        let watch = Watch::new(&format!("cell {} of {}", i + 1, cells.len()), choice, &work, begun);
         let drawing = method::draw(&stage, picture, choice, &lighting, &layers, &watch)?;
         watch.finish();
         let tone_map = output::tone_map(picture, stage.world.scene(), lighting.is_default);
@@ -263,6 +285,11 @@ fn draw_all(cells: &[Cell], work: &Work, warnings: &mut Vec<Warning>) -> Result<
             let samples = output::samples(picture, choice);
             all[j] = Some(Drawn { film, method: choice.name(), samples, tone_map, done: drawing.done });
         }
+    }
+    if all.iter().all(Option::is_some) {
+        let everywhere = ignored.into_iter().filter_map(|whys| whys.into_iter().collect::<Option<Vec<String>>>());
+        let path = PathBuf::from(&cells[0].scene);
+        warnings.extend(everywhere.flatten().map(|message| Warning { name: "no-effect", path: path.clone(), message }));
     }
     Ok(all)
 }
