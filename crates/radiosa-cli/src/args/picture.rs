@@ -53,10 +53,11 @@ pub(crate) struct Picture {
     pub(crate) max_depth: u32,
 
     /// Whitted ray tracing leaves out a ray of which less than this would reach the picture [default: 1/1024]
-    #[arg(long, value_name = "X", default_value_t = 1.0 / 1024.0, value_parser = parse_fraction, hide_default_value = true, allow_negative_numbers = true)]
+    #[arg(long, value_name = "X", default_value_t = 1.0 / 1024.0, value_parser = parse_fraction, hide_default_value = true)]
     pub(crate) min_weight: f32,
 
-    /// Whether Fresnel's equations weigh the constants k_r and k_t in Whitted ray tracing
+    /// Whether Fresnel's equations weigh the constants k_r and k_t in Whitted ray tracing; off: they are taken as they are, and glass with k_r + k_t above 1
+    /// makes light
     #[arg(long, value_enum, default_value_t = Fresnel::Material)]
     pub(crate) fresnel: Fresnel,
 
@@ -71,7 +72,7 @@ pub(crate) struct Picture {
 
     /// Sample the corners of pixels, and more where they differ by more than this part of white, instead of --spp (ray casting and Whitted
     /// ray tracing) [0.1 when no number is given]
-    #[arg(long, value_name = "THRESHOLD", num_args = 0..=1, default_missing_value = "0.1", value_parser = parse_fraction, allow_negative_numbers = true)]
+    #[arg(long, value_name = "THRESHOLD", num_args = 0..=1, default_missing_value = "0.1", value_parser = parse_fraction)]
     pub(crate) adaptive: Option<f32>,
 
     /// Shadow rays (scan line has none)
@@ -125,7 +126,7 @@ pub(crate) struct Picture {
     pub(crate) gather: u32,
 
     /// How far gathers are interpolated: about the relative error allowed to the irradiance cache; 0: a gather at every camera sample
-    #[arg(long, value_name = "X", default_value_t = 0.2, value_parser = parse_fraction, allow_negative_numbers = true, help_heading = "Hybrid")]
+    #[arg(long, value_name = "X", default_value_t = 0.2, value_parser = parse_fraction, help_heading = "Hybrid")]
     pub(crate) cache: f32,
 }
 
@@ -162,7 +163,7 @@ pub(crate) struct SceneChanges {
     pub(crate) up: Option<Up>,
 
     /// Metres per unit of the input file [default: 1]
-    #[arg(long, value_name = "FACTOR", value_parser = parse_scale, allow_negative_numbers = true)]
+    #[arg(long, value_name = "FACTOR", value_parser = parse_scale)]
     pub(crate) scale: Option<f64>,
 }
 

@@ -13,7 +13,7 @@ pub(crate) struct Radiosity {
     pub(crate) elements: Option<u32>,
 
     /// The longest edge of an element in metres, instead of --elements
-    #[arg(long, value_name = "METRES", value_parser = parse_scale, allow_negative_numbers = true)]
+    #[arg(long, value_name = "METRES", value_parser = parse_scale)]
     pub(crate) element_size: Option<f64>,
 
     /// What a medium between surfaces absorbs, per metre: one number, or three for its channels
@@ -25,15 +25,15 @@ pub(crate) struct Radiosity {
     pub(crate) solver: Solver,
 
     /// Stop when the residual is this part of all radiosity (gathering, shooting)
-    #[arg(long, value_name = "X", default_value_t = 1e-6, value_parser = parse_scale, allow_negative_numbers = true)]
+    #[arg(long, value_name = "X", default_value_t = 1e-6, value_parser = parse_scale)]
     pub(crate) residual: f64,
 
     /// Stop when this part of the emitted power is left unshot (shooting) [default: never]
-    #[arg(long, value_name = "X", value_parser = parse_scale, allow_negative_numbers = true)]
+    #[arg(long, value_name = "X", value_parser = parse_scale)]
     pub(crate) unshot: Option<f64>,
 
     /// Stop at this relative standard error of irradiances (stochastic)
-    #[arg(long, value_name = "X", default_value_t = 0.03, value_parser = parse_scale, allow_negative_numbers = true)]
+    #[arg(long, value_name = "X", default_value_t = 0.03, value_parser = parse_scale)]
     pub(crate) error: f64,
 
     /// Who shoots next
@@ -58,7 +58,7 @@ pub(crate) struct Radiosity {
     pub(crate) refine: Option<u32>,
 
     /// The largest step of reflected light between elements that --refine leaves, relative to the mean of all surfaces
-    #[arg(long, value_name = "X", default_value_t = 0.1, value_parser = parse_scale, allow_negative_numbers = true)]
+    #[arg(long, value_name = "X", default_value_t = 0.1, value_parser = parse_scale)]
     pub(crate) refine_step: f64,
 
     /// How radiosity is spread over elements in pictures
