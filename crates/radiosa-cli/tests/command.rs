@@ -121,6 +121,79 @@ fn negative_numbers_are_refused_as_numbers() {
         let words = text(&output.stderr);
         assert!(output.status.code() == Some(2) && words.contains("give a"), "{args:?}: {words}");
     }
+    for (args, range) in [
+        (["render", "--samples", "-1"], "0..=4096"),
+        (["render", "--spp", "-4"], "1..=65536"),
+        (["render", "--emitters", "-3"], "from 1 to 64"),
+        (["render", "--threads", "-2"], "1..=1024"),
+        (["sheet", "--max-depth", "-1"], "0..=64"),
+        (["solve", "--elements", "-5"], ""),
+    ] {
+        let (_dir, output) = in_folder(&args);
+        let words = text(&output.stderr);
+        let is_value = words.contains("invalid value") && words.contains(args[1]) && words.contains(range);
+        assert!(output.status.code() == Some(2) && is_value, "{args:?}: {words}");
+    }
+}
+
+#[test]
+fn glass_that_makes_light_is_said() {
+    let said = |fresnel: &str| {
+        let args = ["render", "whitted", "--size", "16x12", "--spp", "1", "-m", "whitted", "--fresnel", fresnel];
+        text(&in_folder(&args).1.stderr)
+    };
+    let words = said("off");
+    assert!(
+        words.contains("warning[makes-light]") && words.contains("\"glass\"") && words.contains("k_r + k_t = 1.985"),
+        "{words}"
+    );
+    assert!(!said("material").contains("makes-light"));
+}
+
+const A_HALL_OF_ROUGH_METAL: &str = r#"
+[material.metal]
+metallic_roughness = { base_color = 1, metallic = 1, roughness = 0.3 }
+
+[material.lamp]
+lambert = 0
+emission = 10
+
+[material.glass]
+glass = { ior = 1.5 }
+
+[[shape]]
+material = "metal"
+box = { min = [-5, -5, -5], max = [5, 5, 5], inward = true }
+
+[[shape]]
+material = "glass"
+sphere = { radius = 1 }
+
+[[shape]]
+material = "lamp"
+quad = [[-1, 4.9, -1], [1, 4.9, -1], [1, 4.9, 1], [-1, 4.9, 1]]
+
+[camera.main]
+position = [0, 0, 4]
+look_at = [0, 0, 0]
+"#;
+
+#[test]
+fn time_ends_what_would_take_hours() {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    std::fs::write(dir.path().join("hall.toml"), A_HALL_OF_ROUGH_METAL).expect("a file can be written");
+    for more in
+        [&["--samples", "1024", "--spp", "16"][..], &["--samples", "4096", "--spp", "64"], &["--samples", "256", "--adaptive"]]
+    {
+        let args =
+            ["render", "hall.toml", "-m", "whitted", "--size", "640x480", "--time", "500ms", "--json", "-q", "-o", "h.png"];
+        let output = radiosa(dir.path(), &[&args[..], more].concat());
+        let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("standard output is JSON alone");
+        // Far more than it takes here, far less than one row of tiles would.
+        let total = report["seconds"]["total"].as_f64().expect("a number");
+        assert!(total < 15.0, "{more:?}: {total} s");
+        assert!(report["done"].as_f64().is_some_and(|done| done < 1.0), "{more:?}");
+    }
 }
 
 #[test]

@@ -147,9 +147,10 @@ fn what_cannot_be_made_is_said_before_anything_is_drawn() {
         (&["room", "--rows", &rows, "--columns", &columns][..], 1, "400"),
         (&["room", "--rows", "seed=1", "-o", "s.exr"], 1, ".png"),
         (&["room"], 2, "--rows"),
+        (&["room", "--rows", "spp=1,2", "--columns", "spp=4,8"], 2, "both change \"spp\""),
+        (&["room", "--rows", "ambient=0,[0.1,0.1"], 2, "opens '[' and does not close it"),
+        (&["room", "--rows", "ambient=[0.1"], 2, "opens '['"),
         (&["room", "--rows", "methd=raycast"], 1, "\"method\""),
-        (&["room", "--rows", "spp=1,2", "--columns", "spp=4,8"], 2, "both sides"),
-        (&["room", "--rows", "ambient=0,[0.1,0.1"], 2, "left open"),
         (&["room", "--rows", "method=raycats"], 1, "raycast"),
         (&["whitted", "--rows", "light.suun.intensity=1"], 1, "light.sun.intensity"),
         (&["--figure", "diffuse-ambiant"], 1, "diffuse-ambient"),
@@ -163,19 +164,28 @@ fn what_cannot_be_made_is_said_before_anything_is_drawn() {
 }
 
 #[test]
-fn a_side_without_effect_is_said_and_titles_name_what_is_shown() {
+fn a_parameter_that_no_cell_looks_at_is_said() {
     let dir = tempfile::tempdir().expect("temporary folders can be made");
-    let common = ["--size", "16x12", "--spp", "1", "-o", "s.png"];
-    let named =
-        |report: &Value| report["warnings"].as_array().expect("a list").iter().filter(|w| w["name"] == "no-effect").count();
-    let flat = sheet(dir.path(), &[&["whitted", "--columns", "interpolation=flat,gouraud"], &common[..]].concat());
-    assert_eq!(named(&flat), 1, "{flat}");
-    // One method of two looks at it.
-    let both = ["whitted", "--rows", "method=whitted,scanline", "--columns", "interpolation=flat,gouraud"];
-    let both = sheet(dir.path(), &[&both, &common[..]].concat());
-    assert_eq!(named(&both), 0, "{both}");
-    let scenes = sheet(dir.path(), &[&["--rows", "scene=whitted,room", "--columns", "spp=1,2"], &common[..]].concat());
-    assert_eq!(scenes["title"], "scene × spp");
+    let said = |args: &[&str]| {
+        let output = radiosa(dir.path(), &[&["sheet", "whitted", "--size", "8x6", "-o", "s.png"], args].concat());
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stderr).lines().filter(|l| l.starts_with("warning[no-effect]")).count()
+    };
+    assert_eq!(said(&["--columns", "interpolation=flat,gouraud"]), 1);
+    assert_eq!(
+        said(&["--columns", "interpolation=flat,gouraud", "--rows", "method=scanline,whitted"]),
+        0,
+        "scan line looks at it"
+    );
+    assert_eq!(said(&["--columns", "spp=1,2", "--cull", "back"]), 1);
+}
+
+#[test]
+fn a_title_names_the_scene_unless_that_is_what_changes() {
+    let dir = tempfile::tempdir().expect("temporary folders can be made");
+    let title = |args: &[&str]| sheet(dir.path(), &[args, &["--size", "8x6", "-o", "s.png"]].concat())["title"].clone();
+    assert_eq!(title(&["--rows", "scene=furnace,cornell-box", "--columns", "spp=1,2"]), "scene × spp");
+    assert_eq!(title(&["furnace", "--columns", "spp=1,2"]), "furnace: spp");
 }
 
 #[test]

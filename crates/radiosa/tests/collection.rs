@@ -61,7 +61,7 @@ impl Stage {
         let lights = LightSettings { emitters: Emitters::Points { n: 1, max: 64 }, ..LightSettings::default() };
         let mut ray_cast = ray_cast::Settings { lights, ..ray_cast::Settings::default() };
         let method = RayCast::new(&world, &ray_cast, view.forward());
-        if default_light::survey(&world, &view, SIZE, &method).visible == 0 {
+        if !default_light::survey(&world, &view, SIZE, &method, || false).sees_light {
             ray_cast.extra_lights = default_light::lights(&camera);
         }
         Self { world, view, ray_cast }

@@ -1,8 +1,9 @@
 //! Scan conversion covers what it should: every sample of a mesh once, whatever its edges do.
 
 use radiosa::math::{CpuPath, DMat3, DVec3, Vec3};
+use radiosa::raster::depth::NOTHING;
 use radiosa::raster::scan::snap;
-use radiosa::raster::{Projection, TILE, Tile, Triangle, clip};
+use radiosa::raster::{Bins, Grid, ItemBuffer, Projection, TILE, Tile, Triangle, clip};
 use radiosa::sampling::rng::Stream;
 
 const SIDE: u32 = 512;
@@ -38,29 +39,41 @@ fn tally(counts: &[u32]) -> [usize; 3] {
     })
 }
 
-/// A net of `n[0] × n[1]` cells over the whole picture and a little beyond, its inner vertices moved by up to `jitter` cells and rounded to `grain` steps, each cell cut
-/// along one of its diagonals.
-fn net(n: [u32; 2], jitter: f32, grain: i32, seed: u64) -> Vec<[[i32; 2]; 3]> {
+/// A net of cells over the whole picture and a little beyond.
+#[derive(Clone, Copy, Debug)]
+struct Net {
+    /// Cells across and down.
+    n: [u32; 2],
+    /// Inner vertices are rounded to so many steps.
+    grain: i32,
+    /// Steps to the right for each step down, which makes slanted slivers of long cells; the net is so much wider.
+    shear: i32,
+}
+
+/// The triangles of a net, its inner vertices moved by up to `jitter` cells, each cell cut along one of its diagonals. In whole steps a shear leaves neighbours
+/// neighbours.
+fn triangles_of(Net { n: [across, down], grain, shear }: Net, jitter: f32, seed: u64) -> Vec<[[i32; 2]; 3]> {
     let mut random = Stream::new(seed, 0, 0);
-    let cell = n.map(|n| (SIDE as f32 + 2.0) * 256.0 / n as f32);
     let half = (SIDE as f32 + 2.0) * 128.0;
+    let sides = [half * (1 + shear) as f32, half];
     let mut vertices = Vec::new();
-    for j in 0..=n[1] {
-        for i in 0..=n[0] {
+    for j in 0..=down {
+        for i in 0..=across {
             let u = random.next_2d() - radiosa::math::Vec2::splat(0.5);
-            let inner = i > 0 && j > 0 && i < n[0] && j < n[1];
+            let inner = i > 0 && j > 0 && i < across && j < down;
             let moved = if inner { u * (2.0 * jitter) } else { radiosa::math::Vec2::ZERO };
-            let place = |axis: usize, k: u32, d: f32| {
-                let v = (k as f32 + d) * cell[axis] - half;
+            let place = |k: u32, n: u32, d: f32, half: f32| {
+                let v = (k as f32 + d) * (2.0 * half / n as f32) - half;
                 if inner { (v / grain as f32).round() as i32 * grain } else { v.round() as i32 }
             };
-            vertices.push([place(0, i, moved.x), place(1, j, moved.y)]);
+            let (x, y) = (place(i, across, moved.x, sides[0]), place(j, down, moved.y, sides[1]));
+            vertices.push([x + shear * y, y]);
         }
     }
-    let at = |i: u32, j: u32| vertices[(j * (n[0] + 1) + i) as usize];
+    let at = |i: u32, j: u32| vertices[(j * (across + 1) + i) as usize];
     let mut triangles = Vec::new();
-    for j in 0..n[1] {
-        for i in 0..n[0] {
+    for j in 0..down {
+        for i in 0..across {
             let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
             let (one, two) = if random.next_f32() < 0.5 { ([a, b, c], [a, c, d]) } else { ([a, b, d], [b, c, d]) };
             // Either winding: the rule must not depend on it.
@@ -72,35 +85,94 @@ fn net(n: [u32; 2], jitter: f32, grain: i32, seed: u64) -> Vec<[[i32; 2]; 3]> {
     triangles
 }
 
+/// From cells of a hundred pixels down to one, vertices anywhere, and on pixel centres and corners, where edges pass through samples; then slivers, upright,
+/// lying and slanted, down to an eighth of a pixel wide.
+const NETS: [Net; 11] = [
+    Net { n: [5, 5], grain: 1, shear: 0 },
+    Net { n: [37, 37], grain: 128, shear: 0 },
+    Net { n: [64, 64], grain: 256, shear: 0 },
+    Net { n: [150, 150], grain: 1, shear: 0 },
+    Net { n: [150, 150], grain: 128, shear: 0 },
+    Net { n: [250, 250], grain: 64, shear: 0 },
+    Net { n: [400, 400], grain: 1, shear: 0 },
+    Net { n: [4000, 12], grain: 1, shear: 0 },
+    Net { n: [9, 2000], grain: 1, shear: 0 },
+    Net { n: [4000, 9], grain: 1, shear: 3 },
+    Net { n: [1500, 16], grain: 16, shear: 7 },
+];
+
+fn is_in_picture(v: &[[i32; 2]; 3]) -> bool {
+    let half = SIDE as i32 * 128;
+    (0..2).all(|k| v.iter().any(|p| p[k] > -half) && v.iter().any(|p| p[k] < half))
+}
+
+/// How many times longer a triangle is than it is high over its longest side.
+fn slenderness(v: &[[i32; 2]; 3]) -> f64 {
+    let d = |i: usize| [0, 1].map(|k| f64::from(v[(i + 1) % 3][k] - v[i][k]));
+    let longest_2 = (0..3).map(|i| d(i)[0].powi(2) + d(i)[1].powi(2)).fold(0.0, f64::max);
+    longest_2 / (d(0)[0] * d(1)[1] - d(0)[1] * d(1)[0]).abs().max(1.0)
+}
+
 #[test]
 fn a_million_shared_edges_leave_no_crack_and_draw_nothing_twice() {
     let (mut n_edges, mut n_slivers) = (0, 0);
-    // Cells from a hundred pixels down to half a pixel; vertices anywhere, and on pixel centres and corners, where edges pass through samples.
-    let even =
-        [(5, 1), (37, 128), (64, 256), (150, 1), (150, 128), (250, 64), (300, 1), (360, 1)].map(|(n, grain)| ([n, n], grain));
-    // Slivers: across the whole picture and less than a pixel high, and as many upright.
-    let long = [([2, 900], 1), ([900, 3], 1), ([7, 400], 1)];
-    for (n, grain) in even.into_iter().chain(long) {
-        let triangles = net(n, 0.15, grain, u64::from(n[0]) + grain as u64);
-        n_edges += triangles.len() * 3 / 2;
-        n_slivers += triangles.iter().filter(|t| is_sliver(t)).count();
+    for (i, net) in NETS.into_iter().enumerate() {
+        let triangles = triangles_of(net, 0.15, i as u64);
+        n_edges += triangles.iter().filter(|t| is_in_picture(t)).count() * 3 / 2;
+        n_slivers += triangles.iter().filter(|t| is_in_picture(t) && slenderness(t) > 50.0).count();
         for path in [CpuPath::Portable, CpuPath::detect()] {
             let mut counts = vec![0; (SIDE * SIDE) as usize];
             triangles.iter().for_each(|t| add(&mut counts, path, *t));
             let [never, _, often] = tally(&counts);
-            assert_eq!((never, often), (0, 0), "{n:?} cells, grain {grain}, {path}");
+            assert_eq!((never, often), (0, 0), "{net:?}, {path}");
         }
     }
-    println!("{n_edges} edges, {n_slivers} slivers");
-    assert!(n_edges > 1_000_000 && n_slivers > 10_000, "{n_edges} edges, {n_slivers} slivers");
+    assert!(n_edges > 1_000_000 && n_slivers > 100_000, "{n_edges} edges, {n_slivers} slivers");
 }
 
-/// Ten times as long as it is high.
-fn is_sliver(v: &[[i32; 2]; 3]) -> bool {
-    let d = |a: [i32; 2], b: [i32; 2]| [f64::from(b[0] - a[0]), f64::from(b[1] - a[1])];
-    let (a, b) = (d(v[0], v[1]), d(v[0], v[2]));
-    let longest = [a, b, d(v[1], v[2])].iter().map(|e| e[0] * e[0] + e[1] * e[1]).fold(0.0, f64::max);
-    10.0 * (a[0] * b[1] - a[1] * b[0]).abs() < longest
+/// What is seen at every sample of a tile when triangles at one depth are drawn in their order.
+fn drawn<'a>(path: CpuPath, triangles: impl Iterator<Item = &'a Triangle>, tile: &Tile) -> Vec<u32> {
+    let mut buffer = ItemBuffer::default();
+    triangles.for_each(|t| buffer.draw(path, t, tile, t.face));
+    buffer.items().to_vec()
+}
+
+/// Samples of a net, sorted into tiles and drawn: those that show nothing, and those that show another triangle when the last is drawn first. Of what lies at one
+/// depth the first wins, so these were drawn twice.
+fn draw_in_tiles(path: CpuPath, net: &[[[i32; 2]; 3]], last: usize) -> [usize; 2] {
+    let grid = Grid::bands(SIDE, SIDE, 0).next().expect("there is a picture");
+    let of_net = |i: u32| Triangle::new(net[i as usize], i);
+    let bins = Bins::build(&grid, last as u32, |range, out| out.extend(range.filter_map(of_net)));
+    let mut tally = [0; 2];
+    for i in 0..grid.n_tiles() {
+        let (x, y) = grid.corner(i);
+        let tile = Tile::of_picture(x, y, SIDE, SIDE, [0.0; 2]);
+        let triangles = bins.of_tile(&grid, i);
+        let (forth, back) = (drawn(path, triangles.iter().copied(), &tile), drawn(path, triangles.iter().rev().copied(), &tile));
+        tally[0] += forth.iter().filter(|item| **item == NOTHING).count();
+        tally[1] += forth.iter().zip(&back).filter(|(a, b)| a != b).count();
+    }
+    tally
+}
+
+#[test]
+fn tiles_draw_every_sample_of_such_nets_once() {
+    for (i, net) in NETS.into_iter().enumerate() {
+        let mut triangles = triangles_of(net, 0.15, i as u64);
+        let n = triangles.len();
+        for path in [CpuPath::Portable, CpuPath::detect()] {
+            assert_eq!(draw_in_tiles(path, &triangles, n), [0, 0], "{net:?}, {path}");
+        }
+        // The twins: with one triangle too few, of those that are seen, and with one more beneath the others.
+        let Some(large) = triangles.iter().position(|t| is_in_picture(t) && slenderness(t) < 4.0) else { continue };
+        if net.n[0] < 100 {
+            let again = triangles[large];
+            triangles.push(again);
+            assert!(draw_in_tiles(CpuPath::detect(), &triangles, n + 1)[1] > 0, "{net:?}");
+            triangles.swap(large, n - 1);
+            assert!(draw_in_tiles(CpuPath::detect(), &triangles, n - 1)[0] > 0, "{net:?}");
+        }
+    }
 }
 
 /// The twin: closed triangles, as a rule that includes all edges has them, or open ones.
@@ -126,7 +198,7 @@ fn with_all_edges(counts: &mut [u32], v: [[i32; 2]; 3], closed: bool) {
 
 #[test]
 fn the_test_catches_rules_that_include_or_exclude_every_edge() {
-    let triangles = net([64, 64], 0.15, 128, 1);
+    let triangles = triangles_of(Net { n: [64, 64], grain: 128, shear: 0 }, 0.15, 1);
     for closed in [true, false] {
         let mut counts = vec![0; (SIDE * SIDE) as usize];
         triangles.iter().for_each(|t| with_all_edges(&mut counts, *t, closed));

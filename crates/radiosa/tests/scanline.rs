@@ -6,7 +6,7 @@ use radiosa::film::tone_map::{Curve, Exposure, ToneMap};
 use radiosa::film::{Decomposition, Film, Filter, Layer, Sampling};
 use radiosa::import::{Options, load, sample};
 use radiosa::math::{CpuPath, DAffine3, DVec3, Vec2};
-use radiosa::raytrace::{RayCast, ray_cast, tiles};
+use radiosa::raytrace::{RayCast, Whitted, ray_cast, tiles, whitted};
 use radiosa::scanline::{self, ScanLine};
 use radiosa::scene::{self, ColorMap, Model, Quantity, Sampler, ScalarMap, Scene, Texture, TextureId, TextureRef, TextureSource};
 use radiosa::spectrum::Spectrum;
@@ -38,8 +38,8 @@ impl Setting {
         let view = View::new(&camera, world.origin(), size.0, size.1);
         let lights = LightSettings { emitters: Emitters::Points { n: emitters, max: 256 }, ..LightSettings::default() };
         let mut setting = Self { world, view, lights, extra_lights: Vec::new(), size };
-        let survey = default_light::survey(&setting.world, &setting.view, size, &setting.ray_cast());
-        if survey.visible == 0 {
+        let survey = default_light::survey(&setting.world, &setting.view, size, &setting.ray_cast(), || false);
+        if !survey.sees_light {
             setting.extra_lights = default_light::lights(&camera);
         }
         setting
@@ -446,13 +446,11 @@ fn multisampled_edges_are_those_of_ray_casting_with_as_many_samples() {
     }
 }
 
-#[test]
-fn a_pile_of_transparent_faces_lets_through_what_all_of_them_do() {
-    // A hundred panes that glow with 1 where they are, and cover 2 % each.
-    let (n, cover) = (100, 0.02f64);
+/// Panes behind each other, seen from straight above, that cover a part and glow.
+fn pile(n: i32, cover: f64, glow: Spectrum) -> Scene {
     let mut scene = Scene::new("pile");
     let alpha = scene::Alpha { mode: scene::AlphaMode::Blend, value: ScalarMap::constant(cover as f32) };
-    let emission = ColorMap::constant(Spectrum::WHITE);
+    let emission = ColorMap::constant(glow);
     scene.materials.push(scene::Material { alpha, emission, ..scene::Material::lambert("pane", Spectrum::BLACK) });
     for i in 0..n {
         scene.instances.push(scene::Instance {
@@ -465,12 +463,71 @@ fn a_pile_of_transparent_faces_lets_through_what_all_of_them_do() {
     }
     let projection = scene::Projection::Orthographic { height: 1.0 };
     scene.cameras.push(scene::Camera::look_at("camera", DVec3::Y * 5.0, DVec3::ZERO, DVec3::Z, projection));
-    let setting = Setting::new(scene, 0, (8, 8), 1);
+    scene
+}
+
+#[test]
+fn a_pile_of_transparent_faces_lets_through_what_all_of_them_do() {
+    // A hundred panes that glow with 1 where they are, and cover 2 % each.
+    let (n, cover) = (100, 0.02f64);
+    let setting = Setting::new(pile(n, cover, Spectrum::WHITE), 0, (8, 8), 1);
     let expected = 1.0 - (1.0 - cover).powi(n);
     for film in [setting.scan(scanline::Settings::default(), 16, &LAYERS), setting.cast(1, &LAYERS)] {
         let seen = f64::from(film.color(4, 4).g);
         assert!((seen - expected).abs() < 1e-4, "{seen} instead of {expected}");
         assert!((seen - 1.0 + (1.0 - cover).powi(32)).abs() > 0.1, "the twin: only 32 of them");
+    }
+}
+
+#[test]
+fn a_pile_too_high_hides_what_is_behind_in_every_method() {
+    // Dark panes before a white sky: 255 are passed, of more the sky behind is not seen.
+    for (n, seen) in [(255, 0.99f64.powi(255)), (256, 0.0), (400, 0.0)] {
+        let mut scene = pile(n, 0.01, Spectrum::BLACK);
+        scene.background = Spectrum::WHITE;
+        let setting = Setting::new(scene, 0, (8, 8), 1);
+        let whitted = Whitted::new(&setting.world, &whitted::Settings::default(), setting.view.forward());
+        let layers = [Layer::Color, Layer::Alpha];
+        let traced = tiles::TiledRender::new(&whitted, &setting.view, sampling(setting.size, 1, &layers));
+        let pictures = [
+            setting.scan(scanline::Settings::default(), 1, &layers),
+            setting.scan(scanline::Settings::default(), 4, &layers),
+            setting.cast(1, &layers),
+            finish(traced.expect("the film is small"), &setting.world),
+        ];
+        for (i, film) in pictures.iter().enumerate() {
+            let (color, alpha) = (f64::from(film.color(4, 4).g), f64::from(film.plane("A").expect("it is kept")[0]));
+            assert!((color - seen).abs() < 1e-4 && (alpha - (1.0 - seen)).abs() < 1e-4, "{n} panes, {i}: {color}, alpha {alpha}");
+        }
+    }
+}
+
+#[test]
+fn what_is_far_away_takes_nothing_from_what_is_near() {
+    // A speck a millimetre away and a ball at three metres, under a sky so wide.
+    for radius in [10.0, 1e4, 1e8] {
+        let mut scene = Scene::new("sky");
+        let mut ball = |size: f64, z: f64, color: Spectrum| {
+            let emission = ColorMap::constant(color);
+            scene.materials.push(scene::Material { emission, two_sided: true, ..scene::Material::lambert("", Spectrum::BLACK) });
+            scene.instances.push(scene::Instance {
+                name: String::new(),
+                geometry: scene::Geometry::Sphere,
+                transform: DAffine3::from_scale_rotation_translation(DVec3::splat(size), Default::default(), DVec3::Z * z),
+                material: Some(scene::MaterialId(scene.materials.len() as u32 - 1)),
+                node: None,
+            });
+        };
+        ball(radius, 0.0, Spectrum::new(0.0, 0.0, 0.5));
+        ball(1.0, -4.0, Spectrum::new(0.5, 0.0, 0.0));
+        ball(1e-4, -1e-3, Spectrum::new(0.0, 0.5, 0.0));
+        let projection = scene::Projection::Perspective { fov_y: 1.0 };
+        scene.cameras.push(scene::Camera::look_at("camera", DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, projection));
+        let setting = Setting::new(scene, 0, (64, 64), 1);
+        let (scan, cast) = (setting.scan(scanline::Settings::default(), 1, &LAYERS), setting.cast(1, &LAYERS));
+        for (x, color) in [(32, [0.0, 0.5, 0.0]), (42, [0.5, 0.0, 0.0]), (60, [0.0, 0.0, 0.5])] {
+            assert_eq!((scan.color(x, 32).to_array(), cast.color(x, 32).to_array()), (color, color), "radius {radius}, x {x}");
+        }
     }
 }
 

@@ -44,9 +44,13 @@ pub(crate) struct Arguments {
 impl Arguments {
     /// What was typed; ends the program where it is misuse or asks for help.
     pub(crate) fn read() -> Self {
-        // A negative number is a value, of which something better can be said than that there is no such option.
-        let negative = |arg: clap::Arg| if arg.get_action().takes_values() { arg.allow_negative_numbers(true) } else { arg };
-        let matches = Self::command().mut_subcommands(|verb| verb.mut_args(negative)).get_matches();
+        // A number below zero is a value that is refused with its range, not an option that nobody knows.
+        let of_verb = |verb: clap::Command| {
+            verb.mut_args(
+                |a| if a.get_action().takes_values() && !a.is_positional() { a.allow_negative_numbers(true) } else { a },
+            )
+        };
+        let matches = Self::command().mut_subcommands(of_verb).get_matches();
         let mut arguments = Self::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
         let given = match &mut arguments.verb {
             Some(Verb::Sheet(sheet)) => &mut sheet.given,

@@ -56,7 +56,8 @@ pub(crate) struct Picture {
     #[arg(long, value_name = "X", default_value_t = 1.0 / 1024.0, value_parser = parse_fraction, hide_default_value = true)]
     pub(crate) min_weight: f32,
 
-    /// Whether Fresnel's equations weigh the constants k_r and k_t in Whitted ray tracing
+    /// Whether Fresnel's equations weigh the constants k_r and k_t in Whitted ray tracing; off: they are taken as they are, and glass with k_r + k_t above 1
+    /// makes light
     #[arg(long, value_enum, default_value_t = Fresnel::Material)]
     pub(crate) fresnel: Fresnel,
 

@@ -10,7 +10,7 @@ use radiosa::radiosity::display::{self, Display};
 use radiosa::raytrace::{RayCast, Whitted, adaptive, ray_cast, tiles, whitted};
 use radiosa::sampling::Stream;
 use radiosa::scanline::{self, ScanLine};
-use radiosa::scene::{Camera, Light, Material, Model};
+use radiosa::scene::{Light, Material, Model};
 use radiosa::transport::{self, Integrator, Solver, Step, View, World, default_light};
 
 use super::output;
@@ -96,21 +96,43 @@ impl Choice {
     }
 
     /// What should be said of the picture asked for: the name of the warning, and the words. `given` are the options that were typed.
-    pub(crate) fn misfits(self, picture: &Picture, camera: &Camera, given: &[String]) -> Vec<(&'static str, String)> {
+    pub(crate) fn misfits(self, picture: &Picture, stage: &Stage, given: &[String]) -> Vec<(&'static str, String)> {
         let mut said = Vec::new();
-        if self.method == Method::Scanline && camera.lens.is_some_and(|lens| lens.aperture > 0.0) {
+        if self.method == Method::Scanline && stage.camera.lens.is_some_and(|lens| lens.aperture > 0.0) {
             said.push(("no-lens", "scan line draws without the camera's lens: everything is in focus".to_owned()));
         }
-        for option in given {
-            if let Some(methods) = methods_of(option).filter(|methods| !methods.contains(&self.method)) {
-                let names: Vec<&str> = methods.iter().map(|&method| Self { method, why: None }.name()).collect();
-                let text = format!("--{option} changes nothing with --method {}; it is for {}", self.name(), names.join(", "));
-                said.push(("no-effect", text));
-            } else if self.adaptive(picture).is_some() && matches!(option.as_str(), "spp" | "filter") {
-                said.push(("no-effect", format!("--{option} changes nothing with --adaptive, which has samples of its own")));
-            }
+        if let Some((name, sum)) = self.unweighed(picture, &stage.world) {
+            let text = format!(
+                "--fresnel off takes the constants of material \"{name}\" as they are, k_r + k_t = {sum}: it shows more light than it receives"
+            );
+            said.push(("makes-light", text));
         }
+        said.extend(given.iter().filter_map(|option| self.why_ignored(option, picture)).map(|text| ("no-effect", text)));
         said
+    }
+
+    /// Why an option has no effect, if so.
+    pub(crate) fn why_ignored(self, option: &str, picture: &Picture) -> Option<String> {
+        if let Some(methods) = methods_of(option).filter(|methods| !methods.contains(&self.method)) {
+            let names: Vec<&str> = methods.iter().map(|&method| Self { method, why: None }.name()).collect();
+            return Some(format!("--{option} changes nothing with --method {}; it is for {}", self.name(), names.join(", ")));
+        }
+        (self.adaptive(picture).is_some() && matches!(option, "spp" | "filter"))
+            .then(|| format!("--{option} changes nothing with --adaptive, which has samples of its own"))
+    }
+
+    /// A material that `--fresnel off` makes reflect and pass more than it receives, and its `k_r + k_t`.
+    fn unweighed(self, picture: &Picture, world: &World) -> Option<(String, f32)> {
+        if picture.fresnel != args::Fresnel::Off || !matches!(self.method, Method::Whitted | Method::Hybrid) {
+            return None;
+        }
+        world.scene().materials.iter().find_map(|material| match &material.model {
+            Model::Phong(m) if !material.unlit => {
+                let sum = (m.mirror + m.transmission).max_channel();
+                (sum > 1.0 + 1e-4).then(|| (material.name.clone(), sum))
+            }
+            _ => None,
+        })
     }
 }
 
@@ -137,8 +159,10 @@ fn methods_of(option: &str) -> Option<&'static [Method]> {
 pub(crate) struct Lighting {
     /// Lights beside the scene's own.
     extra_lights: Vec<Light>,
-    /// A method that traces rays, by these lights: the one asked for, or ray casting in its place. It looked whether anything is seen.
+    /// A method that traces rays, by these lights: the one asked for, or ray casting in its place.
     traced: Traced,
+    /// The same for a coarse look, where the one asked for branches into many rays.
+    coarse: Option<Traced>,
     /// The scene has no light of its own and was given some.
     pub(crate) is_default: bool,
     /// What should be said: the name of the warning, and the words.
@@ -148,14 +172,14 @@ pub(crate) struct Lighting {
 /// Ray casting or recursive ray tracing.
 enum Traced {
     RayCast(RayCast),
-    Whitted(Whitted),
+    Whitted(Box<Whitted>),
 }
 
 impl Traced {
     fn new(stage: &Stage, picture: &Picture, choice: Choice, extra_lights: &[Light]) -> Self {
         let (world, forward) = (&stage.world, stage.view.forward());
         if choice.method == Method::Whitted {
-            return Self::Whitted(Whitted::new(world, &whitted_settings(stage, picture, extra_lights), forward));
+            return Self::Whitted(Box::new(Whitted::new(world, &whitted_settings(stage, picture, extra_lights), forward)));
         }
         let settings = ray_cast::Settings {
             shadows: picture.shadows == OnOff::On && choice.method != Method::Scanline,
@@ -191,31 +215,48 @@ impl Integrator for Traced {
     }
 }
 
-/// Nobody wants a black picture: where the scene's own lights reach nothing the camera sees, it is given one.
-pub(crate) fn light(stage: &Stage, picture: &Picture, choice: Choice) -> Lighting {
+impl Lighting {
+    fn new(stage: &Stage, picture: &Picture, choice: Choice, extra_lights: Vec<Light>) -> Self {
+        let traced = Traced::new(stage, picture, choice, &extra_lights);
+        let coarse = (traced.branching() > 1 || picture.max_depth > COARSE_DEPTH).then(|| {
+            let coarse = Picture { samples: None, max_depth: picture.max_depth.min(COARSE_DEPTH), ..picture.clone() };
+            Traced::new(stage, &coarse, choice, &extra_lights)
+        });
+        Self { extra_lights, traced, coarse, is_default: false, warnings: Vec::new() }
+    }
+
+    /// What a coarse look is taken with.
+    fn coarse(&self) -> &Traced {
+        self.coarse.as_ref().unwrap_or(&self.traced)
+    }
+}
+
+/// Mirrors and glass in a row that a coarse look follows: more can take very long, and seldom bring the only light.
+const COARSE_DEPTH: u32 = 12;
+
+/// Nobody wants a black picture: where the scene's own lights reach nothing the camera sees, it is given one. When `is_over` says that time is up nothing
+/// is looked for.
+pub(crate) fn light(stage: &Stage, picture: &Picture, choice: Choice, is_over: &dyn Fn() -> bool) -> Lighting {
     let (world, view) = (&stage.world, &stage.view);
-    let traced = Traced::new(stage, picture, choice, &[]);
-    let mut lighting = Lighting { extra_lights: Vec::new(), traced, is_default: false, warnings: Vec::new() };
+    let mut lighting = Lighting::new(stage, picture, choice, Vec::new());
     // (`--emitters ignore` asks for just that where emitters are all there is.)
     let has_light = default_light::has_light(world);
     let wanted = has_light && picture.emitters == args::Emitters::Ignore;
     let shape = (stage.size.width, stage.size.height);
-    let seen = default_light::survey(world, view, shape, &lighting.traced);
-    if seen.surfaces == 0 {
+    let seen = default_light::survey(world, view, shape, lighting.coarse(), is_over);
+    let is_known = !is_over();
+    if is_known && !seen.sees_surface {
         lighting.warnings.push(("nothing-to-see", "the camera sees no surface".to_owned()));
     }
     // Radiosity shows light that comes around corners, which nothing cheap finds.
-    let is_dark = seen.visible == 0 && !(has_light && choice.solves());
-    if picture.default_light == OnOff::On && !wanted && seen.surfaces > 0 && is_dark {
-        let extra_lights = default_light::lights(&stage.camera);
-        let helped = Traced::new(stage, picture, choice, &extra_lights);
-        if default_light::survey(world, view, shape, &helped).visible > 0 {
-            let names: Vec<String> = extra_lights.iter().map(|l| format!("\"{}\"", l.name)).collect();
+    let is_dark = is_known && !seen.sees_light && !(has_light && choice.solves());
+    if picture.default_light == OnOff::On && !wanted && seen.sees_surface && is_dark {
+        let helped = Lighting::new(stage, picture, choice, default_light::lights(&stage.camera));
+        if default_light::survey(world, view, shape, helped.coarse(), is_over).sees_light {
+            let names: Vec<String> = helped.extra_lights.iter().map(|l| format!("\"{}\"", l.name)).collect();
             let why = if has_light { "the scene's own lights reach nothing the camera sees" } else { "the scene has no light" };
             lighting.warnings.push(("default-light", format!("{why}: it gets {}", names.join(" and "))));
-            lighting.is_default = !has_light;
-            lighting.traced = helped;
-            lighting.extra_lights = extra_lights;
+            lighting = Lighting { is_default: !has_light, warnings: lighting.warnings, ..helped };
         }
     }
     if !choice.solves()
@@ -316,7 +357,7 @@ fn trace(
         width: sampling.width,
         height: sampling.height,
         threshold,
-        white: white(stage, picture, lighting)?,
+        white: white(stage, picture, lighting, watch)?,
         max_level: 4,
         seed: sampling.seed,
         layers: sampling.layers,
@@ -326,13 +367,13 @@ fn trace(
     Ok(Drawing { done, count: render.n_rays(), film: render.into_film() })
 }
 
-/// The radiance that will show as white, by a small picture: the exposure may depend on what is seen.
-fn white(stage: &Stage, picture: &Picture, lighting: &Lighting) -> Result<f32, Error> {
+/// The radiance that will show as white, by a small and coarse picture: the exposure may depend on what is seen.
+fn white(stage: &Stage, picture: &Picture, lighting: &Lighting, watch: &Watch) -> Result<f32, Error> {
     let (width, height) = (stage.size.width.min(96), stage.size.height.min(72));
     let view = View::new(&stage.camera, stage.world.origin(), width, height);
     let sampling = film::Sampling { width, height, spp: 1, filter: film::Filter::Box, seed: 0, layers: vec![Layer::Color] };
-    let mut render = tiles::TiledRender::new(&lighting.traced, &view, sampling)?;
-    while let Step::Working { .. } = render.step(&stage.world) {}
+    let mut render = tiles::TiledRender::new(lighting.coarse(), &view, sampling)?;
+    watch.run(&mut render, &stage.world, tiles::TiledRender::n_rays);
     let tone_map = output::tone_map(picture, stage.world.scene(), lighting.is_default);
     Ok(1.0 / tone_map.prepare(render.solution()).factor.max(f32::MIN_POSITIVE))
 }
@@ -344,17 +385,22 @@ pub(crate) struct Watch {
     progress: Progress,
 }
 
+/// Somebody interrupted, or the time since `start` is up.
+pub(crate) fn is_over(start: Instant, work: &Work) -> bool {
+    interrupt::asked() || work.time.is_some_and(|limit| start.elapsed() >= limit)
+}
+
 impl Watch {
-    /// Starts the clock.
-    pub(crate) fn new(what: &str, choice: Choice, work: &Work) -> Self {
-        Self { start: Instant::now(), work: work.clone(), progress: Progress::new(what, choice.unit(), work.quiet) }
+    /// Since the clock was started.
+    pub(crate) fn new(what: &str, choice: Choice, work: &Work, start: Instant) -> Self {
+        Self { start, work: work.clone(), progress: Progress::new(what, choice.unit(), work.quiet) }
     }
 
     /// Runs to the end or until it is to stop; the fraction done.
     fn run<S: Solver>(&self, solver: &mut S, world: &World, count: impl Fn(&S) -> u64) -> f64 {
         while let Step::Working { done } = solver.step(world) {
             self.progress.update(done, count(solver));
-            if interrupt::asked() || self.work.time.is_some_and(|limit| self.start.elapsed() >= limit) {
+            if is_over(self.start, &self.work) {
                 return done;
             }
         }
@@ -402,6 +448,7 @@ fn whitted_settings(stage: &Stage, picture: &Picture, extra_lights: &[Light]) ->
         viewer: viewer(picture),
         extra_lights: extra_lights.to_vec(),
         footprint: footprint(stage, picture),
+        eye: Some(stage.view.eye()),
     }
 }
 

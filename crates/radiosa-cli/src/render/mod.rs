@@ -59,13 +59,14 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
     let choice = method::choose(picture, &stage.world)?;
     let what = format!("a picture of {}x{} with its scene", stage.size.width, stage.size.height);
     plan::within_memory(&what, stage.memory_with(&layers) + choice.memory(&stage.world, picture), work)?;
-    let lighting = method::light(&stage, picture, choice);
-    let said = choice.misfits(picture, &stage.camera, &args.given).into_iter().chain(lighting.warnings.iter().cloned());
+    let begun = Instant::now();
+    let lighting = method::light(&stage, picture, choice, &|| method::is_over(begun, work));
+    let said = choice.misfits(picture, &stage, &args.given).into_iter().chain(lighting.warnings.iter().cloned());
     warnings.extend(said.map(|(name, message)| Warning { name, path: PathBuf::from(&args.scene), message }));
     if !work.quiet {
         output::say_warnings(&warnings);
     }
-    let watch = Watch::new("render", choice, work);
+    let watch = Watch::new("render", choice, work, begun);
     let drawing = method::draw(&stage, picture, choice, &lighting, &layers, &watch)?;
     let trace_time = watch.finish();
 

@@ -58,7 +58,11 @@ impl Axis {
             .split_once('=')
             .filter(|(p, v)| !p.trim().is_empty() && !v.trim().is_empty())
             .ok_or_else(|| Error::Misuse(format!("{text:?} has no values: write PARAM=V1,V2,…")))?;
-        let values = split(values).ok_or_else(|| Error::Misuse(format!("a bracket or a quote is left open in {text:?}")))?;
+        let values = split(values).map_err(|open| {
+            Error::Misuse(format!(
+                "{text:?} opens {open:?} and does not close it: write a value that has commas as [0.1,0.2,0.3]"
+            ))
+        })?;
         Self::new(parameter.trim(), name, &values)
     }
 
@@ -74,19 +78,22 @@ impl Axis {
     }
 }
 
-/// Values between commas; commas within brackets, braces and quotes belong to a value. `None` when one of those is left open, or closed twice.
-fn split(text: &str) -> Option<Vec<String>> {
-    let (mut parts, mut depth, mut quote) = (vec![String::new()], 0i32, None);
+/// Values between commas; commas within brackets, braces and quotes belong to a value. An error is what was opened and not closed.
+fn split(text: &str) -> Result<Vec<String>, char> {
+    let (mut parts, mut open, mut quote) = (vec![String::new()], Vec::new(), None);
     for c in text.chars() {
+        let begins = parts.last().is_none_or(|part| part.trim().is_empty());
         match (c, quote) {
-            (',', None) if depth == 0 => {
+            (',', None) if open.is_empty() => {
                 parts.push(String::new());
                 continue;
             }
-            ('[' | '{', None) => depth += 1,
-            (']' | '}', None) if depth == 0 => return None,
-            (']' | '}', None) => depth -= 1,
-            ('"' | '\'', None) => quote = Some(c),
+            ('[' | '{', None) => open.push(c),
+            (']' | '}', None) => {
+                open.pop();
+            }
+            // Within a word it is an apostrophe.
+            ('"' | '\'', None) if begins || !open.is_empty() => quote = Some(c),
             (c, Some(q)) if c == q => quote = None,
             _ => {}
         }
@@ -94,7 +101,10 @@ fn split(text: &str) -> Option<Vec<String>> {
             last.push(c);
         }
     }
-    (depth == 0 && quote.is_none()).then(|| parts.iter().map(|p| p.trim().to_owned()).collect())
+    match quote.or(open.pop()) {
+        Some(open) => Err(open),
+        None => Ok(parts.iter().map(|p| p.trim().to_owned()).collect()),
+    }
 }
 
 impl Change {
@@ -130,6 +140,11 @@ impl Change {
                 Err(misfit(format!("there is no parameter {parameter:?}"), help))
             }
         }
+    }
+
+    /// The option it gives a value.
+    pub(crate) fn option(&self) -> Option<&str> {
+        if let Self::Option { name, .. } = self { Some(name) } else { None }
     }
 
     /// True for an option with one of these names.
@@ -171,20 +186,6 @@ fn picture_command() -> Command {
     Picture::augment_args_for_update(Command::new("sheet"))
 }
 
-/// The options along the two sides.
-pub(super) fn options_of(sides: [&Axis; 2]) -> Vec<&str> {
-    let changes = sides.into_iter().flat_map(|axis| &axis.entries).flat_map(|entry| &entry.changes);
-    let mut names: Vec<&str> = changes
-        .filter_map(|change| match change {
-            Change::Option { name, .. } => Some(name.as_str()),
-            _ => None,
-        })
-        .collect();
-    names.sort_unstable();
-    names.dedup();
-    names
-}
-
 /// The options a cell may have of its own: all those of a picture but its size, which is that of all cells, and `set`, which paths stand for.
 fn options() -> impl Iterator<Item = String> {
     let command = picture_command();
@@ -198,9 +199,11 @@ mod tests {
 
     #[test]
     fn commas_within_brackets_and_quotes_belong_to_a_value() {
-        let values = split("0, [0.1,0.2, 0.3],\"a,b\",x").expect("all of them are closed");
-        assert_eq!(values, ["0", "[0.1,0.2, 0.3]", "\"a,b\"", "x"]);
-        assert!(["]],[", "0,[0.1,0.1", "\"a,b"].iter().all(|text| split(text).is_none()));
+        let parts = |text: &str| split(text).expect("all is closed");
+        assert_eq!(parts("0, [0.1,0.2, 0.3],\"a,b\",x"), ["0", "[0.1,0.2, 0.3]", "\"a,b\"", "x"]);
+        assert_eq!(parts("]],tom's.toml"), ["]]", "tom's.toml"]);
+        assert_eq!(["0,[0.1,0.1", "{a=[1]", "\"a,b", "['a]"].map(split), [Err('['), Err('{'), Err('"'), Err('\'')]);
+        assert!(matches!(Axis::parse("ambient=0,[0.1,0.1", None), Err(Error::Misuse(said)) if said.contains('[')));
     }
 
     #[test]

@@ -42,6 +42,14 @@ struct Plan {
     output: PathBuf,
 }
 
+impl Plan {
+    /// The options that change from row to row or from column to column.
+    fn options(&self) -> impl Iterator<Item = String> {
+        let entries = self.rows.entries.iter().chain(&self.columns.entries);
+        entries.flat_map(|entry| &entry.changes).filter_map(|change| change.option().map(str::to_owned))
+    }
+}
+
 /// A finished cell.
 struct Drawn {
     /// What it shows, as colour.
@@ -86,7 +94,7 @@ fn sheet(args: &Sheet, json: bool) -> Result<ExitCode, Error> {
     let pixels = u64::from(layout.width) * u64::from(layout.height);
     plan::within_memory(&format!("a sheet of {}x{}", layout.width, layout.height), 36 * pixels, work)?;
 
-    let options = axis::options_of([&plan.rows, &plan.columns]);
+    let options: Vec<String> = plan.options().chain(args.given.iter().cloned()).collect();
     let drawn = draw_all(&plan.cells, &options, work, &mut warnings)?;
     warnings.sort();
     warnings.dedup();
@@ -177,13 +185,15 @@ fn plan_sheet(args: &Sheet) -> Result<Plan, Error> {
                 return Err(Error::Misuse(help.into()));
             }
             if rows.what == columns.what {
-                let message = format!("{:?} is on both sides of the sheet, and a cell can have one value of it only", rows.what);
-                return Err(Error::Misuse(message));
+                return Err(Error::Misuse(format!(
+                    "--rows and --columns both change {:?}: the columns would undo the rows; give them different parameters",
+                    rows.what
+                )));
             }
             let what: Vec<&str> = [&rows, &columns].iter().map(|a| a.what.as_str()).filter(|w| !w.is_empty()).collect();
-            let title = match what.join(" × ") {
-                what if rows.what == "scene" || columns.what == "scene" => what,
-                what => format!("{}: {what}", base.scene),
+            let title = match what.contains(&"scene") {
+                true => what.join(" × "),
+                false => format!("{}: {}", base.scene, what.join(" × ")),
             };
             (rows, columns, title, false, "sheet")
         }
@@ -238,11 +248,11 @@ fn stage(cell: &Cell, work: &Work, warnings: &mut Vec<Warning>) -> Result<Stage,
     Stage::new(scene, &cell.picture, work)
 }
 
-/// Draws what there is time for; cells that differ in their layer only share a drawing.
-fn draw_all(cells: &[Cell], options: &[&str], work: &Work, warnings: &mut Vec<Warning>) -> Result<Vec<Option<Drawn>>, Error> {
+/// Draws what there is time for; cells that differ in their layer only share a drawing. Of the `options`, those that have no effect in any cell are said.
+fn draw_all(cells: &[Cell], options: &[String], work: &Work, warnings: &mut Vec<Warning>) -> Result<Vec<Option<Drawn>>, Error> {
     let start = Instant::now();
-    // By option: whether it had an effect on some cell, and what is said where it had none.
-    let mut effects: Vec<(bool, Option<String>)> = vec![(false, None); options.len()];
+    // What has no effect in one cell may have in another.
+    let mut ignored: Vec<Vec<Option<String>>> = options.iter().map(|_| Vec::new()).collect();
     let mut all: Vec<Option<Drawn>> = cells.iter().map(|_| None).collect();
     for i in 0..cells.len() {
         let left = work.time.map(|limit| limit.saturating_sub(start.elapsed()));
@@ -260,21 +270,13 @@ fn draw_all(cells: &[Cell], options: &[&str], work: &Work, warnings: &mut Vec<Wa
         let stage = stage(&cells[i], work, warnings)?;
         let choice = method::choose(picture, &stage.world)?;
         plan::within_memory("a cell with its scene", stage.memory_with(&layers) + choice.memory(&stage.world, picture), work)?;
-        let lighting = method::light(&stage, picture, choice);
-        for (option, (has_effect, said)) in options.iter().zip(&mut effects) {
-            match choice
-                .misfits(picture, &stage.camera, &[(*option).to_owned()])
-                .into_iter()
-                .find(|(name, _)| *name == "no-effect")
-            {
-                Some((_, message)) => *said = Some(message),
-                None => *has_effect = true,
-            }
-        }
-        // What has no effect in one cell may have in another: of options along the sides it is said at the end.
-        let said = choice.misfits(picture, &stage.camera, &[]).into_iter().chain(lighting.warnings.iter().cloned());
+        let begun = Instant::now();
+        let work = Work { time: left, ..work.clone() };
+        let lighting = method::light(&stage, picture, choice, &|| method::is_over(begun, &work));
+        options.iter().zip(&mut ignored).for_each(|(option, whys)| whys.push(choice.why_ignored(option, picture)));
+        let said = choice.misfits(picture, &stage, &[]).into_iter().chain(lighting.warnings.iter().cloned());
         warnings.extend(said.map(|(name, message)| Warning { name, path: PathBuf::from(&cells[i].scene), message }));
-        let watch = Watch::new(&format!("cell {} of {}", i + 1, cells.len()), choice, &Work { time: left, ..work.clone() });
+        let watch = Watch::new(&format!("cell {} of {}", i + 1, cells.len()), choice, &work, begun);
         let drawing = method::draw(&stage, picture, choice, &lighting, &layers, &watch)?;
         watch.finish();
         let tone_map = output::tone_map(picture, stage.world.scene(), lighting.is_default);
@@ -284,8 +286,10 @@ fn draw_all(cells: &[Cell], options: &[&str], work: &Work, warnings: &mut Vec<Wa
             all[j] = Some(Drawn { film, method: choice.name(), samples, tone_map, done: drawing.done });
         }
     }
-    for (_, said) in effects.into_iter().filter(|(has_effect, _)| !has_effect) {
-        warnings.extend(said.map(|message| Warning { name: "no-effect", path: PathBuf::from(&cells[0].scene), message }));
+    if all.iter().all(Option::is_some) {
+        let everywhere = ignored.into_iter().filter_map(|whys| whys.into_iter().collect::<Option<Vec<String>>>());
+        let path = PathBuf::from(&cells[0].scene);
+        warnings.extend(everywhere.flatten().map(|message| Warning { name: "no-effect", path: path.clone(), message }));
     }
     Ok(all)
 }

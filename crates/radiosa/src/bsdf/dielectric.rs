@@ -62,8 +62,8 @@ pub(super) fn specular_rays(
         return SpecularRays::default();
     }
     let cos_o = n.dot(wo).clamp(0.0, 1.0);
-    // A sheet has its outside on both sides.
-    let relative = |ior: f32| if entering || transmission.is_some_and(|t| t.thin) { ior } else { 1.0 / ior };
+    // A sheet has its outside on both sides, and so has what is opaque.
+    let relative = |ior: f32| if entering || transmission.is_none_or(|t| t.thin) { ior } else { 1.0 / ior };
     let facet = fresnel_ior.map(|ior| fresnel::dielectric(cos_o, relative(ior)));
     let facet = facet.map(|r| if transmission.is_some_and(|t| t.thin) { of_sheet(r) } else { r });
     let mut reflect = k_r * facet.unwrap_or(1.0);

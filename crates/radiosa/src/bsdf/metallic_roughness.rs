@@ -8,7 +8,7 @@
 //! base at grazing angles; it is kept, so that materials look as their makers saw them.
 //!
 //! The part `transmission` of the base lets light through instead of reflecting it diffusely. Rough transmission is not modelled
-//! here: it is refracted as if smooth.
+//! here: light is refracted, and inside a body reflected, as if by a smooth surface.
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -69,6 +69,16 @@ impl MetallicRoughness {
     /// [`Self::specular_rays`] reflects.
     pub fn is_smooth(&self) -> bool {
         self.alpha < MIN_ALPHA
+    }
+
+    /// Light passes into a body behind it.
+    fn has_inside(&self) -> bool {
+        self.thick && self.transmission().is_some()
+    }
+
+    /// As rays inside its body meet it: a smooth interface, without highlight or rough lobe ([`Self::specular_rays`]).
+    pub(super) fn met_from_inside(self) -> Self {
+        if self.has_inside() { Self { alpha: 0.0, ..self } } else { self }
     }
 
     /// The base colour as ambient light shows it, metals included, under the occlusion map.
@@ -159,7 +169,7 @@ impl MetallicRoughness {
     pub fn specular_rays(&self, n: Vec3, wo: Vec3, entering: bool) -> SpecularRays {
         let cos_o = n.dot(wo).clamp(0.0, 1.0);
         let transmission = self.transmission();
-        let from_inside = !entering && self.thick && transmission.is_some();
+        let from_inside = !entering && self.has_inside();
         let coat =
             if from_inside { Spectrum::gray(fresnel::dielectric(cos_o, 1.0 / self.ior)) } else { self.coat_from_outside(cos_o) };
         let mut rays = SpecularRays::default();

@@ -266,6 +266,12 @@ impl Bsdf {
         self
     }
 
+    /// The same as rays inside its body meet it, where it has an inside: what reflects perfectly there ([`Self::specular_rays`]) must not do so once
+    /// more as a rough lobe or a highlight.
+    pub fn met_from_inside(self) -> Self {
+        if let Self::MetallicRoughness(m) = self { Self::MetallicRoughness(m.met_from_inside()) } else { self }
+    }
+
     /// The same with lobes at least as rough as `alpha`: what a rough mirror shows of a sharp highlight is not sharp, and a few rays
     /// drawn from the rough one would find the sharp one by luck only.
     pub fn at_least_as_rough(mut self, alpha: f32) -> Self {

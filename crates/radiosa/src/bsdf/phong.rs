@@ -30,7 +30,7 @@ pub struct Phong {
     pub mirror: Spectrum,
     /// `k_t` and the medium behind.
     pub transmission: Option<Transmission>,
-    /// Fresnel weighs `k_r` and `k_t` (index in `transmission`, 1.5 for an opaque mirror coat).
+    /// Fresnel's equations weigh `k_r` and `k_t`: the material's index of refraction, whether it transmits or not.
     pub fresnel: Option<f32>,
     /// Without transmission, `k_r` rises to 1 at grazing angles by Schlick's approximation.
     pub schlick: bool,

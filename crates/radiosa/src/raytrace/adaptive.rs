@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::tiles::TileLoop;
+use super::tiles::{TileLoop, samples_a_step};
 use crate::film::{Film, FilmError, Layer, Pixel};
 use crate::sampling::Stream;
 use crate::spectrum::Spectrum;
@@ -14,14 +14,17 @@ use crate::transport::{Integrator, Solver, Step, View, World};
 
 /// The finest subdivision there is: 32 × 32 squares a pixel.
 pub const LEVEL_LIMIT: u32 = 5;
-/// Pixels a side of a tile, and tiles a step, by how far a sample branches. Corners on the border of a tile are computed by both sides, to the same bits.
-const fn granularity(branching: u32) -> (u32, usize) {
+/// Pixels a side of a tile, by how far a sample branches: all its corners come first. Those on the border of a tile are computed by both sides, to the same
+/// bits.
+const fn side(branching: u32) -> u32 {
     match branching {
-        0..=4 => (32, 8),
-        5..=64 => (16, 8),
-        _ => (4, 16),
+        0..=4 => 32,
+        5..=64 => 16,
+        _ => 8,
     }
 }
+/// Tiles worked on together.
+const TILES_AT_ONCE: usize = 16;
 
 /// How a picture is sampled.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,7 +50,7 @@ pub struct AdaptiveRender<'a, I> {
     integrator: &'a I,
     view: &'a View,
     settings: Settings,
-    progress: TileLoop,
+    progress: TileLoop<Tile>,
 }
 
 impl<'a, I: Integrator> AdaptiveRender<'a, I> {
@@ -58,7 +61,8 @@ impl<'a, I: Integrator> AdaptiveRender<'a, I> {
     pub fn new(integrator: &'a I, view: &'a View, settings: Settings) -> Result<Self, FilmError> {
         let film = Film::new(settings.width, settings.height, &settings.layers)?;
         let settings = Settings { max_level: settings.max_level.min(LEVEL_LIMIT), ..settings };
-        Ok(Self { integrator, view, settings, progress: TileLoop::new(film, granularity(integrator.branching())) })
+        let progress = TileLoop::new(film, side(integrator.branching()), TILES_AT_ONCE);
+        Ok(Self { integrator, view, settings, progress })
     }
 
     /// Rays traced so far, of every kind.
@@ -77,8 +81,11 @@ impl<I: Integrator> Solver for AdaptiveRender<'_, I> {
 
     fn step(&mut self, world: &World) -> Step {
         let (s, integrator, view) = (&self.settings, self.integrator, self.view);
-        self.progress
-            .step_tiles(&|columns, rows, part, n_rays| Tile { world, integrator, view, s, n_rays }.fill(columns, rows, part))
+        let begin = |columns, rows| Tile { columns, rows, corners: Vec::new(), pixel: 0, current: None };
+        self.progress.step(begin, |tile, part, n_rays| {
+            let left = samples_a_step(integrator.branching());
+            Work { world, integrator, view, s, n_rays, left }.go_on(tile, part)
+        })
     }
 
     fn solution(&self) -> &Film {
@@ -86,73 +93,99 @@ impl<I: Integrator> Solver for AdaptiveRender<'_, I> {
     }
 }
 
-struct Tile<'a, I> {
+/// How far a tile is.
+struct Tile {
+    columns: Range<u32>,
+    rows: Range<u32>,
+    /// Samples at the corners of its pixels, row by row.
+    corners: Vec<Pixel>,
+    /// The pixel it is at, row by row.
+    pixel: usize,
+    current: Option<Lattice>,
+}
+
+/// A pixel in the making: the samples on its finest lattice, those that were taken, and what part of the pixel each stands for.
+struct Lattice {
+    samples: Vec<Option<(Pixel, f64)>>,
+    side: usize,
+    /// Squares to be looked at: where they begin, and their size.
+    squares: Vec<(usize, usize, usize)>,
+}
+
+/// What a tile may do in a step.
+struct Work<'a, I> {
     world: &'a World,
     integrator: &'a I,
     view: &'a View,
     s: &'a Settings,
     n_rays: &'a mut u64,
+    /// Samples.
+    left: u32,
 }
 
-/// The samples of one pixel on the finest lattice, those that were taken, and what part of the pixel each stands for.
-struct Lattice {
-    samples: Vec<Option<(Pixel, f64)>>,
-    side: usize,
-}
-
-impl<I: Integrator> Tile<'_, I> {
-    fn fill(&mut self, columns: Range<u32>, rows: Range<u32>, part: &mut Film) {
-        let n = 1 << self.s.max_level;
-        let mut lattice = Lattice { samples: vec![None; (n + 1) * (n + 1)], side: n + 1 };
-        let across = columns.len() + 1;
-        let mut corners = Vec::with_capacity(across * (rows.len() + 1));
-        for y in rows.start..=rows.end {
-            for x in columns.start..=columns.end {
-                corners.push(self.sample(u64::from(x) * n as u64, u64::from(y) * n as u64));
-            }
+impl<I: Integrator> Work<'_, I> {
+    /// Goes on with a tile; how much of it is done.
+    fn go_on(&mut self, tile: &mut Tile, part: &mut Film) -> f64 {
+        let n = 1usize << self.s.max_level;
+        let (columns, rows) = (tile.columns.len(), tile.rows.len());
+        let (across, n_corners) = (columns + 1, (columns + 1) * (rows + 1));
+        while tile.corners.len() < n_corners && self.left > 0 {
+            let (i, j) = (tile.corners.len() % across, tile.corners.len() / across);
+            let at = |start: u32, k: usize| (u64::from(start) + k as u64) * n as u64;
+            let corner = self.sample(at(tile.columns.start, i), at(tile.rows.start, j));
+            tile.corners.push(corner);
         }
-        for (j, y) in rows.enumerate() {
-            for (i, x) in columns.clone().enumerate() {
+        while tile.corners.len() == n_corners && tile.pixel < columns * rows {
+            let (i, j) = (tile.pixel % columns, tile.pixel / columns);
+            let lattice = tile.current.get_or_insert_with(|| {
                 let k = j * across + i;
-                lattice.samples.fill(None);
-                for (corner, at) in [(k, (0, 0)), (k + 1, (n, 0)), (k + across, (0, n)), (k + across + 1, (n, n))] {
-                    *lattice.at(at) = Some((corners[corner], 0.0));
+                Lattice::new(n, [k, k + 1, k + across, k + across + 1].map(|k| tile.corners[k]))
+            });
+            while let Some(square) = lattice.squares.pop() {
+                if !self.look_at(lattice, (tile.columns.start + i as u32, tile.rows.start + j as u32), square) {
+                    lattice.squares.push(square);
+                    return (n_corners + tile.pixel) as f64 / (n_corners + columns * rows) as f64;
                 }
-                self.cut(&mut lattice, (x, y), (0, 0), n);
-                part.set_pixel(i as u32, j as u32, &lattice.finish());
             }
+            part.set_pixel(i as u32, j as u32, &lattice.finish());
+            tile.current = None;
+            tile.pixel += 1;
         }
+        (tile.corners.len() + tile.pixel) as f64 / (n_corners + columns * rows) as f64
     }
 
     /// The sample at a point of the lattice that covers the whole picture, the same for every pixel that uses it.
     fn sample(&mut self, i: u64, j: u64) -> Pixel {
+        self.left -= 1;
         let n = f64::from(1u32 << self.s.max_level);
         let mut stream = Stream::new(self.s.seed, i, j);
         let ray = self.view.sample_ray(i as f64 / n, j as f64 / n, &mut stream);
         self.integrator.sample(self.world, &ray, &mut stream, self.n_rays)
     }
 
-    /// Weighs the corners of a square of `size`, or of its quarters.
-    fn cut(&mut self, lattice: &mut Lattice, (x, y): (u32, u32), (i, j): (usize, usize), size: usize) {
+    /// Weighs the corners of a square, or puts its quarters on the list; false when no sample is left for one of them.
+    fn look_at(&mut self, lattice: &mut Lattice, (x, y): (u32, u32), (i, j, size): (usize, usize, usize)) -> bool {
         let n = 1usize << self.s.max_level;
         let corners = [(i, j), (i + size, j), (i, j + size), (i + size, j + size)];
         for at in corners {
             if lattice.at(at).is_none() {
+                if self.left == 0 {
+                    return false;
+                }
                 let sample = self.sample(u64::from(x) * n as u64 + at.0 as u64, u64::from(y) * n as u64 + at.1 as u64);
                 *lattice.at(at) = Some((sample, 0.0));
             }
         }
         if size > 1 && self.differ(corners.map(|at| lattice.at(at).map_or_else(Pixel::default, |s| s.0)), size == n) {
             let half = size / 2;
-            for (di, dj) in [(0, 0), (half, 0), (0, half), (half, half)] {
-                self.cut(lattice, (x, y), (i + di, j + dj), half);
-            }
-            return;
+            lattice.squares.extend([(half, half), (0, half), (half, 0), (0, 0)].map(|(di, dj)| (i + di, j + dj, half)));
+            return true;
         }
         let part = (size as f64 / n as f64).powi(2) / 4.0;
         for at in corners {
             lattice.at(at).iter_mut().for_each(|sample| sample.1 += part);
         }
+        true
     }
 
     fn differ(&self, corners: [Pixel; 4], is_whole: bool) -> bool {
@@ -170,6 +203,15 @@ impl<I: Integrator> Tile<'_, I> {
 }
 
 impl Lattice {
+    /// With `n` squares a side, and the samples at the corners of the pixel.
+    fn new(n: usize, corners: [Pixel; 4]) -> Self {
+        let mut lattice = Self { samples: vec![None; (n + 1) * (n + 1)], side: n + 1, squares: vec![(0, 0, n)] };
+        for (corner, at) in corners.into_iter().zip([(0, 0), (n, 0), (0, n), (n, n)]) {
+            *lattice.at(at) = Some((corner, 0.0));
+        }
+        lattice
+    }
+
     fn at(&mut self, (i, j): (usize, usize)) -> &mut Option<(Pixel, f64)> {
         &mut self.samples[j * self.side + i]
     }

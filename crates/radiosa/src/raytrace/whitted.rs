@@ -57,6 +57,9 @@ pub struct Settings {
     pub extra_lights: Vec<Light>,
     /// How wide a pixel is, as for ray casting; it goes on growing behind mirrors and glass as if they were flat.
     pub footprint: Footprint,
+    /// The eye point, world coordinates ([`View::eye`](crate::transport::View::eye)): rays begin in the closed bodies around it. Without it they
+    /// begin in vacuum, and one from inside a body is taken to be in it from the surface on where it leaves it.
+    pub eye: Option<Vec3>,
 }
 
 impl Default for Settings {
@@ -72,6 +75,7 @@ impl Default for Settings {
             viewer: Viewer::Local,
             extra_lights: Vec::new(),
             footprint: Footprint::default(),
+            eye: None,
         }
     }
 }
@@ -106,6 +110,10 @@ pub struct Whitted {
     /// Unit, to an infinitely distant viewer.
     to_viewer: Vec3,
     has_backdrop: bool,
+    /// Something transparent has an inside.
+    has_bodies: bool,
+    /// The bodies the eye is in.
+    around_eye: Media,
 }
 
 impl Whitted {
@@ -135,7 +143,9 @@ impl Whitted {
             ..settings.clone()
         };
         let has_backdrop = default_light::has_backdrop(world, &settings.extra_lights);
-        Self { settings, lights, sky_is_light, to_viewer: -forward, has_backdrop }
+        let has_bodies = world.scene().materials.iter().any(|m| m.transmits() && m.has_inside());
+        let around_eye = settings.eye.filter(|_| has_bodies).map_or(Media::VACUUM, |eye| Media::around(world, eye));
+        Self { settings, lights, sky_is_light, to_viewer: -forward, has_backdrop, has_bodies, around_eye }
     }
 
     /// One camera sample, with diffuse light that `indirect` knows.
@@ -148,8 +158,14 @@ impl Whitted {
         indirect: Option<&dyn Indirect>,
     ) -> Pixel {
         let mut pixel = Pixel::default();
+        let mut media = self.around_eye;
+        // Through a lens and in parallel projection rays begin beside the eye.
+        if let Some(eye) = self.settings.eye.filter(|eye| self.has_bodies && *eye != ray.origin) {
+            *n_rays += 1;
+            media.go(world, eye, ray.origin);
+        }
         let mut tracer = Tracer { method: self, world, stream, n_rays, n_surfaces: 0, indirect };
-        let left = tracer.follow(ray, &Media::VACUUM, Reach::of_the_eye(), &mut pixel);
+        let left = tracer.follow(ray, &media, Reach::of_the_eye(), &mut pixel);
         pixel.alpha = 1.0 - left;
         pixel
     }
@@ -382,6 +398,9 @@ impl Tracer<'_> {
         let wo = shading.wo;
         if reach.roughness > 0.0 {
             shading.bsdf = shading.bsdf.at_least_as_rough(reach.roughness);
+        }
+        if !entering {
+            shading.bsdf = shading.bsdf.met_from_inside();
         }
         if settings.viewer == Viewer::Infinite {
             shading.wo = self.method.to_viewer;

@@ -8,7 +8,7 @@
 //! normal [Phong75]. With several samples a pixel, faces are tested at every sample and lit once for each pixel they are seen in (multisampling).
 //!
 //! Transparent faces (blended alpha, glass seen straight through) are collected for each sample and composited from front to back in exact order,
-//! however they intersect; at most [`MAX_LAYERS`] of them.
+//! however they intersect; [`MAX_LAYERS`] of them hide what is behind.
 //!
 //! What it does not do: shadows, reflections, refraction, panoramic cameras.
 
@@ -32,7 +32,10 @@ use look::Look;
 use set_up::SetUp;
 use surfaces::Surfaces;
 
-/// Transparent faces composited at a sample at most, as many as other methods pass; the nearest ones are kept.
+/// Nothing in front of the eye is nearer than this, metres; 1/z stays within f32.
+const NEAREST: f64 = 1e-30;
+
+/// Transparent faces composited at a sample at most, as many as other methods pass; the nearest ones are kept, and that many hide what is behind.
 pub const MAX_LAYERS: usize = crate::transport::eye::BEHIND_MAX as usize;
 
 /// Camera samples that are drawn together; more are drawn in several rounds.
@@ -151,11 +154,9 @@ impl<'a> ScanLine<'a> {
     /// # Errors
     /// For panoramic cameras, scenes of too many faces, and when the film cannot be had.
     pub fn new(world: &World, view: &'a View, settings: &Settings, sampling: Sampling) -> Result<Self, ScanLineError> {
-        let bounds = world.accel().bounds();
-        let reach = bounds.min.abs().max(bounds.max.abs()).max(view.eye().abs()).max_element();
-        // Rays see everything in front of the eye; a plane this near hides nothing that has a size.
-        let near = f64::from(if reach.is_finite() { reach } else { 1.0 }).max(1e-30) * 1e-7;
-        let projection = view.projection(near).ok_or(ScanLineError::Panorama)?;
+        // Rays see everything in front of the eye, but begin at its place rounded to f32: what is nearer than that rounding may lie on either side of it.
+        let rounding = f64::from(view.eye().abs().max_element()) * f64::from(f32::EPSILON);
+        let projection = view.projection(rounding.max(NEAREST)).ok_or(ScanLineError::Panorama)?;
         let surfaces = Surfaces::new(world, settings.segments()).ok_or(ScanLineError::TooManyFaces)?;
         let film = Film::new(sampling.width, sampling.height, &sampling.layers)?;
         let samples: Vec<FilterSample> = (0..sampling.spp.max(1))

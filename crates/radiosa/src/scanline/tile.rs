@@ -25,7 +25,8 @@ pub(super) struct Scratch<'a> {
     /// Light interpolated over faces.
     pub(super) mixed: LightColumns,
     pub(super) varying: Varying,
-    /// For each sample of each pixel, from front to back: numbers of places, [`BEHIND`] added where something lies behind; the last may be [`BACKGROUND`].
+    /// For each sample of each pixel, from front to back: numbers of places, [`BEHIND`] added where something lies behind; the last may be [`BACKGROUND`]
+    /// or [`HIDDEN`].
     chains: Vec<u32>,
     /// Places before they are sorted, and their numbers then.
     unsorted: Vec<Place>,
@@ -83,6 +84,8 @@ impl Varying {
 const BEHIND: u32 = 1 << 31;
 /// The last link of a chain that leaves the scene.
 const BACKGROUND: u32 = BEHIND - 1;
+/// The last link of a chain so long that it hides what is behind.
+const HIDDEN: u32 = BEHIND - 2;
 
 /// Places to be lit, those of one face after those of another.
 #[derive(Debug, Default)]
@@ -376,10 +379,13 @@ impl Drawing<'_> {
                 unsorted.len() as u32 - 1
             };
             for (s, buffer) in buffers[..samples.len()].iter().enumerate() {
+                let mut n_layers = 0;
                 for f in here.iter().filter(|f| usize::from(f.sample) == s) {
                     chains.push(link(f.item, s) | BEHIND);
+                    n_layers += 1;
                 }
                 chains.push(match buffer.items()[i as usize] {
+                    _ if n_layers == MAX_LAYERS => HIDDEN,
                     NOTHING => BACKGROUND,
                     item => link(item, s),
                 });
@@ -389,7 +395,7 @@ impl Drawing<'_> {
         asked.make_room();
         moved.clear();
         moved.extend(unsorted.iter().map(|place| asked.put(*place)));
-        for link in chains.iter_mut().filter(|link| **link != BACKGROUND) {
+        for link in chains.iter_mut().filter(|link| **link < HIDDEN || **link >= BEHIND) {
             *link = moved[(*link & !BEHIND) as usize] | (*link & BEHIND);
         }
     }
@@ -412,6 +418,8 @@ impl Drawing<'_> {
                     for link in links.by_ref() {
                         if link == BACKGROUND {
                             composite.background(self.background(x, y, at, is_first));
+                        } else if link == HIDDEN {
+                            composite.open = Spectrum::BLACK;
                         } else {
                             let i = (link & !BEHIND) as usize;
                             composite.add(&light.at(i), &shown[i], data.get(i));

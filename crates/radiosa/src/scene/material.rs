@@ -430,6 +430,15 @@ impl Material {
         }
     }
 
+    /// True when it bounds a body, and is no sheet.
+    pub fn has_inside(&self) -> bool {
+        match &self.model {
+            Model::Phong(m) => !m.thin,
+            Model::CookTorrance(_) => false,
+            Model::MetallicRoughness(m) => m.thick,
+        }
+    }
+
     /// True when some part of it may emit.
     pub fn is_emissive(&self) -> bool {
         self.emission.factor != Spectrum::BLACK

@@ -38,23 +38,32 @@ pub fn has_light(world: &World) -> bool {
 /// What a coarse look through a camera finds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Survey {
-    /// Samples that meet a surface.
-    pub surfaces: u32,
-    /// Samples that show any light at all, reflected, emitted or behind.
-    pub visible: u32,
+    /// Some sample meets a surface.
+    pub sees_surface: bool,
+    /// Some sample shows any light at all, reflected, emitted or behind.
+    pub sees_light: bool,
 }
 
-/// Looks through a camera with `method`, coarsely.
-pub fn survey(world: &World, view: &View, (width, height): (u32, u32), method: &impl Integrator) -> Survey {
+/// Looks through a camera with `method`, coarsely, until it has seen both a surface and light, or `is_over` says that there is no more time.
+pub fn survey(
+    world: &World,
+    view: &View,
+    (width, height): (u32, u32),
+    method: &impl Integrator,
+    is_over: impl Fn() -> bool,
+) -> Survey {
     const COLUMNS: u32 = 32;
     const ROWS: u32 = 24;
     let mut survey = Survey::default();
     for i in 0..COLUMNS * ROWS {
+        if survey.sees_surface && survey.sees_light || is_over() {
+            break;
+        }
         let x = (f64::from(i % COLUMNS) + 0.5) * f64::from(width) / f64::from(COLUMNS);
         let y = (f64::from(i / COLUMNS) + 0.5) * f64::from(height) / f64::from(ROWS);
         let pixel = method.sample(world, &view.ray(x, y), &mut Stream::new(0, u64::from(i), 0), &mut 0);
-        survey.surfaces += u32::from(pixel.object.is_some());
-        survey.visible += u32::from(!pixel.color.is_black());
+        survey.sees_surface |= pixel.object.is_some();
+        survey.sees_light |= !pixel.color.is_black();
     }
     survey
 }

@@ -9,7 +9,7 @@ use crate::spectrum::Spectrum;
 
 /// A ray is followed behind transparent surfaces until this is left of it: less no longer changes an 8-bit picture.
 pub(crate) const NEGLIGIBLE: f32 = 1.0 / 1024.0;
-/// Transparent surfaces a ray passes at most; a pile of this many hides the rest.
+/// Transparent surfaces a ray passes at most; a pile of this many hides what is behind, as if it covered it.
 pub(crate) const BEHIND_MAX: u32 = 256;
 
 /// The ray from the eye, straight through what is partly transparent, by alpha or by transmission.
@@ -38,7 +38,11 @@ impl Straight {
         // What still comes through, and how much of that came through glass rather than through holes.
         let mut open = Spectrum::WHITE;
         let mut through_glass = false;
-        for layer in 0..BEHIND_MAX {
+        for layer in 0..=BEHIND_MAX {
+            if layer == BEHIND_MAX {
+                open = Spectrum::BLACK;
+                break;
+            }
             *n_rays += 1;
             let Some((hit, mut surface)) = world.closest_visible(&ray) else {
                 let seen = open * behind(world, ray.dir, self.has_backdrop, layer == 0);

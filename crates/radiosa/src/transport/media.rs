@@ -5,16 +5,21 @@
 //! a body of lower priority inside another has no surface there, and the ray passes straight ("false intersections" in the paper). So a
 //! drink may reach into its glass, and where it ends exactly does not matter.
 //!
-//! A ray that leaves a body it never entered started inside it. The list is short and fixed; a body that does not fit is treated as never entered,
+//! The bodies around the eye are found before any picture ([`Media::around`]). A ray that nevertheless leaves a body it never entered started inside it. The list is short and fixed; a body that does not fit is treated as never entered,
 //! which is a wrong index where more than [`CAPACITY`] bodies overlap and nothing worse.
 
-use super::Surface;
+use super::{Surface, World};
 use crate::bsdf::Transmission;
-use crate::math::function;
+use crate::math::{Ray, Vec3, function};
 use crate::spectrum::Spectrum;
 
 /// Bodies that may overlap in one place.
 pub(crate) const CAPACITY: usize = 6;
+
+/// Surfaces passed at most on the way out of the bodies around a point.
+const SURFACES_MAX: u32 = 256;
+/// Axes along which bodies around a point are looked for: askew to everything that is built at right angles.
+const AXES: [Vec3; 3] = [Vec3::new(0.613, 0.718, 0.331), Vec3::new(-0.447, 0.209, 0.870), Vec3::new(0.769, -0.564, 0.302)];
 
 /// A transparent body.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -59,6 +64,33 @@ impl Media {
     pub(crate) const VACUUM: Self =
         Self { bodies: [Medium { body: (0, 0), ior: 1.0, absorption: Spectrum::BLACK, priority: 0 }; CAPACITY], n: 0 };
 
+    /// The bodies around a point: those that rays leave in six directions without having entered them. What is open on some side is no body.
+    ///
+    /// A ray leaves the innermost body first, which is the one entered last.
+    pub(crate) fn around(world: &World, p: Vec3) -> Self {
+        let mut directions = AXES.iter().flat_map(|axis| [*axis, -*axis]).map(|dir| left_behind(world, p, dir.normalize()));
+        let mut bodies = directions.next().unwrap_or_default();
+        for mut others in directions {
+            let mut is_left = |body: &Medium| {
+                let i = others.iter().position(|other| other.body == body.body);
+                i.map(|i| others.swap_remove(i)).is_some()
+            };
+            bodies.retain(&mut is_left);
+        }
+        let mut media = Self::VACUUM;
+        for body in bodies.into_iter().take(CAPACITY).rev() {
+            media.pass(body, true);
+        }
+        media
+    }
+
+    /// Passes every surface on the straight way from one point to another.
+    pub(crate) fn go(&mut self, world: &World, from: Vec3, to: Vec3) {
+        walk(world, Ray { origin: from, dir: to - from, t_max: 1.0 }, |body, entering| {
+            self.pass(body, entering);
+        });
+    }
+
     /// What the ray travels in; `None` for vacuum.
     pub(crate) fn current(&self) -> Option<&Medium> {
         // The last of equal ones.
@@ -89,6 +121,38 @@ impl Media {
         self.bodies.copy_within(i + 1..self.n, i);
         self.n -= 1;
         Boundary { surroundings: visible.then(|| self.ior()), began_in: None }
+    }
+}
+
+/// The bodies a ray leaves without having entered them, in that order.
+fn left_behind(world: &World, p: Vec3, dir: Vec3) -> Vec<Medium> {
+    let (mut entered, mut left) = (Vec::new(), Vec::new());
+    walk(world, Ray::new(p, dir), |body, entering| {
+        if entering {
+            entered.push(body.body);
+        } else if let Some(i) = entered.iter().rposition(|other| *other == body.body) {
+            entered.remove(i);
+        } else {
+            left.push(body);
+        }
+    });
+    left
+}
+
+/// Calls `pass` with each surface of a body along a ray, and whether the ray enters there; nothing else stops it.
+fn walk(world: &World, ray: Ray, mut pass: impl FnMut(Medium, bool)) {
+    let wo = -ray.dir.normalize_or(Vec3::Y);
+    let end = ray.t_max.is_finite().then(|| ray.origin + ray.dir * ray.t_max);
+    let mut onward = ray;
+    for _ in 0..SURFACES_MAX {
+        let Some((_, surface)) = world.closest_visible(&onward) else { return };
+        if let Some(t) = world.shading(&surface, wo).bsdf.transmission().filter(|t| !t.thin) {
+            pass(Medium::of(&surface, &t), surface.is_front(wo));
+        }
+        onward = end.map_or_else(|| surface.ray(ray.dir), |end| surface.segment_to(end));
+        if onward.dir.dot(ray.dir) <= 0.0 {
+            return;
+        }
     }
 }
 

@@ -22,8 +22,8 @@ const COLLECTED: usize = 8;
 /// Faces of one object this near to each other on a ray, in parts of the distance, meet in an edge.
 const SAME_SURFACE: f32 = 1e-5;
 
-/// Transparent surfaces a segment passes at most; a pile of this many counts as opaque.
-const MAX_LAYERS: u32 = 256;
+/// Transparent surfaces a segment passes at most; a pile of this many counts as opaque, as it does to the eye.
+const MAX_LAYERS: u32 = super::eye::BEHIND_MAX;
 
 /// What a method needs to know of a hit to light it.
 #[derive(Clone, Debug)]
