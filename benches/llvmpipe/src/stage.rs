@@ -69,7 +69,7 @@ impl Stage {
         let lights = Lights::prepare(&world, &[]);
         let mut stage = Self { world, view, camera, size, lights, filter, extra_lights: Vec::new() };
         let method = stage.ray_casting();
-        if default_light::survey(&stage.world, &stage.view, size, &method).visible == 0 {
+        if !default_light::survey(&stage.world, &stage.view, size, &method, || false).sees_light {
             println!("note: the scene's own lights reach nothing seen: both get the default light");
             stage.extra_lights = default_light::lights(&stage.camera);
             stage.lights = Lights::prepare(&stage.world, &stage.extra_lights);
