@@ -68,7 +68,8 @@ impl Cache {
     /// Keeps what was gathered at a place. It reaches at least `least` far, and not much farther than light varies.
     pub(super) fn insert(&mut self, p: Vec3, n: Vec3, mut gathered: Gathered, least: f32) {
         let e = gathered.irradiance.luminance();
-        let slope = gathered.translation.iter().zip(LUMINANCE).map(|(g, w)| *g * w).sum::<Vec3>().length();
+        let along = |axis: usize| Spectrum::from(gathered.translation.map(|g| g[axis])).luminance();
+        let slope = Vec3::new(along(0), along(1), along(2)).length();
         let steep = if slope > 0.0 { e / slope } else { f32::INFINITY };
         let radius = gathered.distance.min(steep).max(least / self.accuracy).min(2.0 * self.half);
         if radius > steep {
@@ -133,9 +134,6 @@ impl Cache {
         (weights > 1e-6).then(|| sum * (1.0 / weights))
     }
 }
-
-/// Of R, G and B in a luminance.
-const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 fn child_of((middle, half): (Vec3, f32), child: usize) -> (Vec3, f32) {
     let half = 0.5 * half;

@@ -9,7 +9,6 @@
 
 use std::f32::consts::{PI, TAU};
 
-use crate::bsdf::Bsdf;
 use crate::math::{Frame, Ray, Vec2, Vec3, function};
 use crate::radiosity::Solution;
 use crate::radiosity::direct::DirectLight;
@@ -111,7 +110,7 @@ impl<'a> FinalGather<'a> {
         for k in 0..=turns {
             if k < turns {
                 for j in 0..m {
-                    let bits = rng::mix(key.wrapping_add(u64::from(k * m + j).wrapping_mul(0x9E37_79B9_7F4A_7C15)));
+                    let bits = rng::nth(key, u64::from(k * m + j));
                     let u = Vec2::new(rng::unit_f32((bits >> 32) as u32), rng::unit_f32(bits as u32));
                     let s = (j as f32 + u.x) / m as f32;
                     let phi = TAU * (k as f32 + u.y) / turns as f32;
@@ -136,7 +135,7 @@ impl<'a> FinalGather<'a> {
             }
             if k > 0 {
                 differences += before.iter().zip(&column).map(|(a, b)| (a.light - b.light).luminance().powi(2)).sum::<f32>();
-                self.change_across(&before, &column, (k % turns, turns), &frame, &mut gathered.translation);
+                change_across(&before, &column, (k % turns, turns), &frame, &mut gathered.translation);
             }
             if k < turns {
                 change_along(&column, (k, turns), &frame, &mut gathered);
@@ -152,30 +151,10 @@ impl<'a> FinalGather<'a> {
         gathered
     }
 
-    /// Between the columns `k − 1` and `k`: the part of the gradient along `v_k−`, the direction across the boundary between them.
-    fn change_across(
-        &self,
-        before: &[Cell],
-        column: &[Cell],
-        (k, turns): (u32, u32),
-        frame: &Frame,
-        translation: &mut [Vec3; 3],
-    ) {
-        let m = column.len() as f32;
-        let phi = TAU * k as f32 / turns as f32;
-        let across = frame.to_world(Vec3::new(-function::sin(phi), function::cos(phi), 0.0));
-        let mut sum = Spectrum::BLACK;
-        for (j, (a, b)) in before.iter().zip(column).enumerate() {
-            let width = ((j + 1) as f32 / m).sqrt() - (j as f32 / m).sqrt();
-            sum += (b.light - a.light) * (width / a.distance.min(b.distance));
-        }
-        add(translation, across, sum);
-    }
-
     /// All light at a sensor on the side of the unit normal `n`: direct light by about `points` points of emissive surfaces, the rest by about `rays` rays, both in
     /// 16 independent sets whose spread tells the standard error. `key` names the random numbers.
     pub fn sensor(&self, surface: &Surface, n: Vec3, [rays, points]: [u32; 2], key: u64) -> Arriving {
-        let white = Shading { n, wo: n, bsdf: Bsdf::lambert(Spectrum::WHITE), emission: Spectrum::BLACK, coverage: 1.0 };
+        let white = Shading::white(n);
         let estimate = |set: u64| {
             let key = rng::key(&[key, set]);
             let random = (points.div_ceil(SETS), &mut Stream::new(key, 0, 0));
@@ -297,6 +276,19 @@ fn near(solution: &Solution) -> Vec<f32> {
         element.area.sqrt() as f32 * times
     };
     mesh.elements().iter().enumerate().map(element).collect()
+}
+
+/// Between the columns `k − 1` and `k`: the part of the gradient along `v_k−`, the direction across the boundary between them.
+fn change_across(before: &[Cell], column: &[Cell], (k, turns): (u32, u32), frame: &Frame, translation: &mut [Vec3; 3]) {
+    let m = column.len() as f32;
+    let phi = TAU * k as f32 / turns as f32;
+    let across = frame.to_world(Vec3::new(-function::sin(phi), function::cos(phi), 0.0));
+    let mut sum = Spectrum::BLACK;
+    for (j, (a, b)) in before.iter().zip(column).enumerate() {
+        let width = ((j + 1) as f32 / m).sqrt() - (j as f32 / m).sqrt();
+        sum += (b.light - a.light) * (width / a.distance.min(b.distance));
+    }
+    add(translation, across, sum);
 }
 
 /// Along a column: the parts of both gradients in its own plane.

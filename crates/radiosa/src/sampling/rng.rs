@@ -16,6 +16,11 @@ pub fn mix(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
+/// The bits of number `n` of the stream that `key` names.
+pub fn nth(key: u64, n: u64) -> u64 {
+    mix(key.wrapping_add(n.wrapping_mul(GAMMA)))
+}
+
 /// One key from several numbers; their order matters.
 pub fn key(parts: &[u64]) -> u64 {
     parts.iter().fold(GAMMA, |key, part| mix(key ^ mix(part.wrapping_add(GAMMA))).wrapping_add(GAMMA))
@@ -45,14 +50,14 @@ impl Stream {
     /// The next `n` points of a low-discrepancy set that all samples of the pixel share, so that together they are even, too: the key of the set and
     /// the first of the points, for [`sequence`](super::sequence).
     pub fn next_set(&mut self, n: u32) -> (u64, u32) {
-        let key = mix(self.pixel.wrapping_add(self.dimension.wrapping_mul(GAMMA)));
+        let key = nth(self.pixel, self.dimension);
         self.dimension += 1;
         (key, self.sample.wrapping_mul(n))
     }
 
     /// The bits of any dimension.
     pub fn bits(&self, dimension: u64) -> u64 {
-        mix(self.key.wrapping_add(dimension.wrapping_mul(GAMMA)))
+        nth(self.key, dimension)
     }
 
     /// The next 32 bits.

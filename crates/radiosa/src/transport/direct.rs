@@ -3,7 +3,6 @@
 
 use super::media::{self, Media};
 use super::{Glass, Passage, Shading, Surface, World};
-use crate::bsdf::Bsdf;
 use crate::bsdf::fresnel::Weighing;
 use crate::emitter::area;
 use crate::emitter::environment::Sky;
@@ -220,8 +219,7 @@ impl Lights {
 
     /// The irradiance of a surface from the side of `n` (unit), W/m² or lux, with shadows: π times the radiance of a white one.
     pub fn irradiance(&self, world: &World, surface: &Surface, n: Vec3) -> Spectrum {
-        let white = Shading { n, wo: n, bsdf: Bsdf::lambert(Spectrum::WHITE), emission: Spectrum::BLACK, coverage: 1.0 };
-        self.at(world, surface, &white, true, &mut 0).diffuse * std::f32::consts::PI
+        self.at(world, surface, &Shading::white(n), true, &mut 0).diffuse * std::f32::consts::PI
     }
 
     /// As [`Self::at`] within some bodies (`None` without shadows), with `n` points drawn on the emissive surfaces, when

@@ -41,6 +41,11 @@ pub struct Shading {
 }
 
 impl Shading {
+    /// A white diffuse surface seen head-on: its radiance times π is the irradiance.
+    pub fn white(n: Vec3) -> Self {
+        Self { n, wo: n, bsdf: Bsdf::lambert(Spectrum::WHITE), emission: Spectrum::BLACK, coverage: 1.0 }
+    }
+
     /// What passes straight through, seen from `wo` in vacuum ([`Bsdf::straight_transmission`]).
     pub fn straight_transmission(&self, surface: &Surface) -> Spectrum {
         self.bsdf.straight_transmission(self.n, self.wo, surface.is_front(self.wo), 1.0)

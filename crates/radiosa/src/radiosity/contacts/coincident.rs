@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::boxes::{Box3, Boxes};
-use super::{LONG, MIN_TESTS, TESTS};
+use super::boxes::Boxes;
+use super::{large_of, tests_of_each};
 use crate::math::DVec3;
 use crate::math::polygon::{area_vector, clip};
 use crate::radiosity::patch::Patch;
@@ -22,11 +22,9 @@ pub(in super::super) fn coincident(
     counts: impl Fn(&Patch) -> bool + Sync,
     size: f64,
 ) -> BTreeMap<u32, Vec<u32>> {
-    let bounds: Vec<Box3> = patches.iter().map(|patch| Box3::of(patch.corners())).collect();
-    let is_large = |p: &u32| bounds[*p as usize].diagonal() >= LONG * size && bounds[*p as usize].is_finite();
-    let large: Vec<u32> = (0..patches.len() as u32).filter(is_large).collect();
+    let (bounds, large) = large_of(patches, size);
     let boxes = Boxes::new(&bounds, large.clone());
-    let tests = MIN_TESTS.max(TESTS / large.len().max(1));
+    let tests = tests_of_each(large.len());
     let of_patch = |&p: &u32| {
         let of_p = patches[p as usize].corners();
         let near = NEAR * of_p.iter().map(|c| c.abs().max_element()).fold(0.0, f64::max);

@@ -90,13 +90,24 @@ pub(super) fn piece_at(pieces: &[Piece], p: DVec3) -> usize {
     (0..pieces.len()).max_by(|&a, &b| inside[a].total_cmp(&inside[b]).then(b.cmp(&a))).unwrap_or(0)
 }
 
-/// The contacts that count with their patches, at most `most`: the larger the surface that rises from them, the earlier.
-fn contacts(patches: &[Patch], kept: &[[bool; 2]], size: f64, most: usize) -> Vec<(u32, Contact)> {
+/// The boxes around patches, and those that are not much smaller than an element.
+fn large_of(patches: &[Patch], size: f64) -> (Vec<Box3>, Vec<u32>) {
     let bounds: Vec<Box3> = patches.iter().map(|patch| Box3::of(patch.corners())).collect();
     let is_large = |p: &u32| bounds[*p as usize].diagonal() >= LONG * size && bounds[*p as usize].is_finite();
-    let large: Vec<u32> = (0..patches.len() as u32).filter(is_large).collect();
+    let large = (0..patches.len() as u32).filter(is_large).collect();
+    (bounds, large)
+}
+
+/// How many others each of so many patches is tried with at most.
+fn tests_of_each(n: usize) -> usize {
+    MIN_TESTS.max(TESTS / n.max(1))
+}
+
+/// The contacts that count with their patches, at most `most`: the larger the surface that rises from them, the earlier.
+fn contacts(patches: &[Patch], kept: &[[bool; 2]], size: f64, most: usize) -> Vec<(u32, Contact)> {
+    let (bounds, large) = large_of(patches, size);
     let boxes = Boxes::new(&bounds, large.clone());
-    let tests = MIN_TESTS.max(TESTS / large.len().max(1));
+    let tests = tests_of_each(large.len());
     let of_patch = |&p: &u32| {
         let mut found = Vec::new();
         if kept[p as usize] != [false; 2] {
