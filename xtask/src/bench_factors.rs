@@ -1,6 +1,7 @@
 //! `cargo xtask bench factors [--large]`: form factors beside pyviewfactor 1.1 in one run, two threads each, on the empty unit box and on the box with a centred
 //! cube of half its size. Times are of the whole estimate; Python's compiling and starting is left out, ours (reading, writing) is in. Errors are against our own
-//! at tolerance 1e-7 for the empty box (contour integrals agree with closed forms to 1e-13, `tests/form_factor.rs`), and 1e-6 for the other.
+//! at tolerance 1e-7 for the empty box (contour integrals agree with closed forms to 1e-13, `tests/form_factor.rs`), and 1e-6 for the other; with thousands
+//! of faces 1e-4, which would take hours otherwise.
 //! pyviewfactor is installed into `target/`; nothing else needs it.
 
 use std::fmt::Write;
@@ -36,12 +37,19 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
             timed(command.args(more).arg("-o").arg(out))
         };
         let reference = path("reference.npz");
-        ours(if inner.is_some() { "1e-6" } else { "1e-7" }, &[], &reference)?;
+        let is_large = n_faces > 2000;
+        let strict = match (inner.is_some(), is_large) {
+            (false, _) => "1e-7",
+            (true, false) => "1e-6",
+            (true, true) => "1e-4",
+        };
+        ours(strict, &[], &reference)?;
         let (exact, coarse, sampled, theirs) = (path("cut.npz"), path("coarse.npz"), path("rays.npz"), path("pyviewfactor.npy"));
         let cost = [
             ours("1e-4", &[], &exact)?,
             ours("1e-3", &[], &coarse)?,
-            ours("1e-3", &["--sampled-shadows", "--rays", "16"], &sampled)?,
+            // (What rays leave open is more than what this tolerance does.)
+            ours("1e-2", &["--sampled-shadows", "--rays", "16"], &sampled)?,
             theirs_timed(&python, &script, &scene, &theirs)?,
         ];
         let said =

@@ -7,6 +7,7 @@ use radiosa::film::Film;
 use radiosa::film::false_color::{Palette, Scale};
 
 use crate::args::{self, FalseColor, ScaleKind};
+use crate::render::output::draw_lines;
 use crate::sheet::label::{self, Style};
 use crate::sheet::page::Page;
 
@@ -26,6 +27,8 @@ pub(crate) struct Values {
     pub(crate) zoom: u32,
     /// What they are, for the legend.
     pub(crate) unit: String,
+    /// How much of each value lines cover, where some are to be drawn over them.
+    pub(crate) lines: Option<Vec<f32>>,
 }
 
 impl Values {
@@ -37,7 +40,7 @@ impl Values {
             Some(alpha) if alpha[i as usize] > 0.0 => f64::from(film.color(i % width, i / width).luminance()),
             _ => f64::NAN,
         };
-        Self { values: (0..film.n_pixels() as u32).map(at).collect(), width, height: film.height(), zoom: 1, unit }
+        Self { values: (0..film.n_pixels() as u32).map(at).collect(), width, height: film.height(), zoom: 1, unit, lines: None }
     }
 }
 
@@ -59,7 +62,10 @@ pub(crate) fn write(shown: &Values, options: &FalseColor, path: &Path, recipe: &
     let (width, height) = (shown.width as usize * zoom, shown.height as usize * zoom);
     let zoomed: Vec<f64> =
         (0..width * height).map(|i| shown.values[i / width / zoom * shown.width as usize + i % width / zoom]).collect();
-    let picture = scale.paint(&zoomed, width, palette, options.contours);
+    let mut picture = scale.paint(&zoomed, width, palette, options.contours);
+    if let Some(lines) = &shown.lines {
+        draw_lines(&mut picture, lines);
+    }
     let beyond = shown.values.iter().any(|v| *v > scale.high);
     let page = page((width as u32, height as u32), &picture, (&scale, beyond), palette, options.contours, &shown.unit);
     image::write_rgb8(path, page.width, page.height, &page.rgb, recipe)

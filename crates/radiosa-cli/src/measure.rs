@@ -147,7 +147,7 @@ fn picture(grid: &Grid, readings: &[Reading], value: impl Fn(&Reading) -> f64, u
     for (place, reading) in grid.places.iter().zip(readings) {
         values[*place as usize] = value(reading);
     }
-    Values { values, width, height, zoom: (SIDE / width.max(height).max(1)).clamp(1, 64), unit: unit.to_owned() }
+    Values { values, width, height, zoom: (SIDE / width.max(height).max(1)).clamp(1, 64), unit: unit.to_owned(), lines: None }
 }
 
 fn check(path: &Path) -> Result<(), Error> {

@@ -271,6 +271,33 @@ fn false_colours_say_how_much_light_there_is() {
 }
 
 #[test]
+fn the_mesh_can_be_drawn_over_a_picture() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let at = dir.path();
+    // A square seen head-on that fills the picture: what is between its elements is straight lines, half a pixel wide.
+    let square = "[material.a]\nlambert = 0.5\n[[shape]]\nmaterial = \"a\"\nquad = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]\n\
+        [camera.ahead]\nposition = [0, 0, 1]\nlook_at = [0, 0, 0]\northographic_height = 1.9\n[light.sun]\ndistant = { to_light = [0, 0, 1] }\nintensity = 0.5\n";
+    std::fs::write(at.join("square.toml"), square).expect("it can be written");
+    let picture = ["render", "square.toml", "--method", "radiosity", "--size", "80x80", "--element-size", "0.5"];
+    let light = ok(at, &[&picture[..], &["-o", "plain.png"]].concat());
+    let with_lines = ok(at, &[&picture[..], &["--overlay", "mesh", "-o", "mesh.png"]].concat());
+    let ((width, _, plain), (_, _, mesh)) = (png(&at.join("plain.png")), png(&at.join("mesh.png")));
+    let differs = |x: u32, y: u32| {
+        let pixel = 3 * (y * width + x) as usize;
+        plain[pixel..pixel + 3] != mesh[pixel..pixel + 3]
+    };
+    // Four by four elements of 21 pixels: a row through the middle of some meets three lines, as does a column.
+    let lines = |along: &dyn Fn(u32) -> bool| (0..80).filter(|&k| along(k)).collect::<Vec<u32>>();
+    for found in [lines(&|x| differs(x, 10)), lines(&|y| differs(30, y))] {
+        assert!(found.len() == 3 && found.iter().zip([18, 39, 60]).all(|(k, edge)| k.abs_diff(edge) <= 1), "{found:?}");
+    }
+    assert_eq!(light["mean_radiance"], with_lines["mean_radiance"], "lines are no light");
+    let output = radiosa(at, &[&picture[..], &["--overlay", "mesh", "--bits", "16"]].concat());
+    assert!(output.status.code() == Some(2) && text(&output.stderr).contains("8 bits"));
+    assert!(!differs(10, 10));
+}
+
+#[test]
 fn what_is_unfinished_or_without_effect_is_said() {
     let dir = tempfile::tempdir().expect("a folder");
     let at = dir.path();

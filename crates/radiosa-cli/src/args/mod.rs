@@ -14,7 +14,7 @@ pub(crate) use measure::{Measure, MeasureMethod};
 pub(crate) use picture::{
     Cull, Filter, Fresnel, Interpolation, Method, OnOff, Picture, SceneChanges, TextureFilter, ToneMap, Up, Viewer,
 };
-pub(crate) use radiosity::{Lamps, Order, Radiosity, Show, Solver, Spread};
+pub(crate) use radiosity::{Lamps, Order, Overlay, Radiosity, Show, Solver, Spread};
 pub(crate) use sheet::Sheet;
 pub(crate) use solve::Solve;
 pub(crate) use value::{Emitters, Exposure, Size, parse_color};

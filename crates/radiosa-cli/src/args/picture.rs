@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use radiosa::import::Override;
 
 use super::value::{Emitters, Exposure, Size, parse_color, parse_fraction, parse_scale};
-use super::{Lamps, Radiosity, Show};
+use super::{Lamps, Overlay, Radiosity, Show};
 
 /// Everything that decides about the light in a picture, whatever is done with it.
 #[derive(Args, Clone, Debug, PartialEq)]
@@ -120,6 +120,10 @@ pub(crate) struct Picture {
     /// Which quantity of a radiosity solution the picture holds
     #[arg(long, value_enum, default_value_t = Show::Radiance, help_heading = "Radiosity")]
     pub(crate) show: Show,
+
+    /// Lines drawn over the picture, in .png files
+    #[arg(long, value_enum, value_name = "WHAT", help_heading = "Radiosity")]
+    pub(crate) overlay: Option<Overlay>,
 
     /// Rays of a final gather, at least: where they are noisy the cache takes up to sixteen times as many
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Hybrid")]

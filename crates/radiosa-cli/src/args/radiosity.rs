@@ -83,6 +83,12 @@ pub(crate) enum Lamps {
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Overlay {
+    /// The borders of elements
+    Mesh,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Show {
     /// What a camera sees
     Radiance,

@@ -7,6 +7,7 @@ use radiosa::film::{self, Film, Layer, Pixel};
 use radiosa::hybrid::{self, Hybrid};
 use radiosa::math::Ray;
 use radiosa::radiosity::display::{self, Display};
+use radiosa::radiosity::{Solution, lines};
 use radiosa::raytrace::{RayCast, Whitted, adaptive, ray_cast, tiles, whitted};
 use radiosa::sampling::Stream;
 use radiosa::scanline::{self, ScanLine};
@@ -149,7 +150,7 @@ fn methods_of(option: &str) -> Option<&'static [Method]> {
         "viewer" => &[Raycast, Whitted, Scanline, Hybrid],
         "gather" | "cache" => &[Hybrid],
         "lamps" | "show" | "spread" => &[Radiosity],
-        "solution" => &[Radiosity, Hybrid],
+        "solution" | "overlay" => &[Radiosity, Hybrid],
         _ if args::Radiosity::options().iter().any(|own| own == option) => &[Radiosity, Hybrid],
         _ => return None,
     })
@@ -274,6 +275,8 @@ pub(crate) struct Drawing {
     pub(crate) done: f64,
     /// How much work it was, in the method's own unit.
     pub(crate) count: u64,
+    /// How much of each pixel the lines of an overlay cover, where one is asked for.
+    pub(crate) lines: Option<Vec<f32>>,
 }
 
 /// Draws until it is done, time is up or somebody interrupts.
@@ -313,7 +316,8 @@ pub(crate) fn draw(
             let display = Display::new(world, &solution, &lighting.extra_lights, display, footprint(stage, picture))
                 .with_backdrop(default_light::has_backdrop(world, &lighting.extra_lights));
             let drawing = trace(&display, stage, picture, lighting, sampling, watch)?;
-            Ok(Drawing { done: drawing.done.min(solved), ..drawing })
+            let lines = overlay(stage, picture, world, &solution);
+            Ok(Drawing { done: drawing.done.min(solved), lines, ..drawing })
         }
         Method::Hybrid => {
             let rings = solve::rings(&picture.radiosity, picture.solution.as_deref())?;
@@ -327,15 +331,22 @@ pub(crate) fn draw(
             let filled = watch.run(&mut filling, world, hybrid::Filling::n_rays);
             let n_rays = filling.n_rays();
             let drawing = trace(&hybrid, stage, picture, lighting, sampling, watch)?;
-            Ok(Drawing { done: drawing.done.min(solved).min(filled), count: drawing.count + n_rays, ..drawing })
+            let lines = overlay(stage, picture, solved_in, &solution);
+            Ok(Drawing { done: drawing.done.min(solved).min(filled), count: drawing.count + n_rays, lines, ..drawing })
         }
         Method::Scanline => {
             let settings = scanline_settings(picture, &lighting.extra_lights);
             let mut render = ScanLine::new(world, view, &settings, sampling)?;
             let done = watch.run(&mut render, world, ScanLine::n_triangles);
-            Ok(Drawing { done, count: render.n_triangles(), film: render.into_film() })
+            Ok(Drawing { done, count: render.n_triangles(), film: render.into_film(), lines: None })
         }
     }
+}
+
+/// The lines asked for over a picture of a solution in the world it was made in.
+fn overlay(stage: &Stage, picture: &Picture, solved_in: &World, solution: &Solution) -> Option<Vec<f32>> {
+    let size = [stage.size.width, stage.size.height];
+    picture.overlay.map(|args::Overlay::Mesh| lines::borders(solved_in, &solution.mesh, &stage.view, size))
 }
 
 /// Draws by rays: a fixed number of samples a pixel, or more where they differ.
@@ -351,7 +362,7 @@ fn trace(
     let Some(threshold) = picture.adaptive else {
         let mut render = tiles::TiledRender::new(method, view, sampling)?;
         let done = watch.run(&mut render, world, tiles::TiledRender::n_rays);
-        return Ok(Drawing { done, count: render.n_rays(), film: render.into_film() });
+        return Ok(Drawing { done, count: render.n_rays(), film: render.into_film(), lines: None });
     };
     let settings = adaptive::Settings {
         width: sampling.width,
@@ -364,7 +375,7 @@ fn trace(
     };
     let mut render = adaptive::AdaptiveRender::new(method, view, settings)?;
     let done = watch.run(&mut render, world, adaptive::AdaptiveRender::n_rays);
-    Ok(Drawing { done, count: render.n_rays(), film: render.into_film() })
+    Ok(Drawing { done, count: render.n_rays(), film: render.into_film(), lines: None })
 }
 
 /// The radiance that will show as white, by a small and coarse picture: the exposure may depend on what is seen.

@@ -43,6 +43,9 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
     for output in &args.output {
         image::check_target(output)?;
     }
+    if picture.overlay.is_some() && args.bits == args::Bits::Sixteen {
+        return Err(Error::Misuse("--overlay draws into pictures of 8 bits; leave out --bits 16".into()));
+    }
     let mut warnings = Vec::new();
     let scene = plan::load(&args.scene, &picture.scene, work, &mut warnings)?;
     let outputs = if args.output.is_empty() { vec![output::default_output(&scene)] } else { args.output.clone() };
@@ -78,11 +81,20 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
     let exposure = options.tone_map.prepare(&drawing.film).factor;
     let recipe = output::recipe(&args.scene, picture, &stage, choice, drawing.done);
     for output in &outputs {
-        if args.colors.false_color.is_some() && image::Format::of(output)? == image::Format::Png {
-            let unit = output::unit_of_pixels(picture, stage.world.scene());
-            false_color::write(&false_color::Values::of(&drawing.film, unit), &args.colors, output, &recipe)?;
-        } else {
-            image::write(&drawing.film, output, &recipe, &options)?;
+        let is_png = image::Format::of(output)? == image::Format::Png;
+        match &drawing.lines {
+            lines if is_png && args.colors.false_color.is_some() => {
+                let values = false_color::Values::of(&drawing.film, output::unit_of_pixels(picture, stage.world.scene()));
+                false_color::write(&false_color::Values { lines: lines.clone(), ..values }, &args.colors, output, &recipe)?;
+            }
+            Some(lines) if is_png => {
+                let mut rgb = options.tone_map.prepare(&drawing.film).to_srgb8(&drawing.film);
+                output::draw_lines(&mut rgb, lines);
+                let recipe =
+                    recipe.clone().with("exposure", exposure.to_string()).with("tone-map", options.tone_map.curve.to_string());
+                image::write_rgb8(output, stage.size.width, stage.size.height, &rgb, &recipe)?;
+            }
+            _ => image::write(&drawing.film, output, &recipe, &options)?,
         }
     }
 

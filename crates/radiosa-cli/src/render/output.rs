@@ -94,6 +94,20 @@ fn shell_word(word: &str) -> String {
     if !word.is_empty() && word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }
 
+/// How opaque lines over pictures are.
+const INK: f32 = 0.65;
+
+/// Draws lines over a picture of sRGB bytes, given how much of each pixel they cover: dark ones where most of the picture is light, light ones else.
+pub(crate) fn draw_lines(rgb: &mut [u8], lines: &[f32]) {
+    const LIGHT: usize = 90;
+    let n_light = rgb.chunks_exact(3).filter(|p| p.iter().map(|v| usize::from(*v)).sum::<usize>() > 3 * LIGHT).count();
+    let ink = if 6 * n_light > rgb.len() { 0.0 } else { 255.0 };
+    for (pixel, covered) in rgb.chunks_exact_mut(3).zip(lines) {
+        let share = INK * covered;
+        pixel.iter_mut().for_each(|v| *v = (f32::from(*v) * (1.0 - share) + ink * share).round() as u8);
+    }
+}
+
 /// The mean of each colour channel.
 pub(crate) fn mean(film: &Film) -> [f64; 3] {
     ["R", "G", "B"].map(|channel| {

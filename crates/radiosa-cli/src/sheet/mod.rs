@@ -58,6 +58,8 @@ struct Drawn {
     samples: String,
     tone_map: ToneMap,
     done: f64,
+    /// How much of each pixel lines over it cover.
+    lines: Option<Vec<f32>>,
 }
 
 pub(crate) fn run(args: &Sheet, json: bool) -> Result<ExitCode, Error> {
@@ -106,7 +108,11 @@ fn sheet(args: &Sheet, json: bool) -> Result<ExitCode, Error> {
     let mut page = layout.page();
     for (i, (cell, shown)) in drawn.iter().zip(&shown).enumerate() {
         if let (Some(cell), Some(shown)) = (cell, shown) {
-            page.paste(layout.corner(i / n_columns, i % n_columns), size.width, &shown.to_srgb8(&cell.film));
+            let mut rgb = shown.to_srgb8(&cell.film);
+            if let Some(lines) = &cell.lines {
+                output::draw_lines(&mut rgb, lines);
+            }
+            page.paste(layout.corner(i / n_columns, i % n_columns), size.width, &rgb);
         }
     }
     let recipe = recipe(args, &plan, size, &drawn, &shown);
@@ -283,7 +289,8 @@ fn draw_all(cells: &[Cell], options: &[String], work: &Work, warnings: &mut Vec<
         for j in group {
             let film = layer_as_color(&drawing.film, cells[j].layer)?;
             let samples = output::samples(picture, choice);
-            all[j] = Some(Drawn { film, method: choice.name(), samples, tone_map, done: drawing.done });
+            all[j] =
+                Some(Drawn { film, method: choice.name(), samples, tone_map, done: drawing.done, lines: drawing.lines.clone() });
         }
     }
     if all.iter().all(Option::is_some) {

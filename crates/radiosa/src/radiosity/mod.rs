@@ -23,6 +23,7 @@ mod exposure;
 pub mod form_factor;
 pub mod gather;
 mod groups;
+pub mod lines;
 pub mod matrix;
 pub mod medium;
 pub mod mesh;
