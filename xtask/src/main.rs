@@ -3,6 +3,7 @@
 mod bench_factors;
 mod bench_race;
 mod bench_rays;
+mod bench_rooms;
 mod bench_scanline;
 mod bench_whitted;
 
@@ -15,6 +16,7 @@ cargo xtask test [FILTER…]   install what tests need, then run every test
 cargo xtask bench rays       ray queries beside Embree (Debian's libembree-dev)
 cargo xtask bench factors    form factors beside pyviewfactor (from PyPI, into target/)
 cargo xtask bench scanline   scan line beside software OpenGL (Debian's libegl1, libgl1-mesa-dri)
+cargo xtask bench rooms      measured rooms beside Mitsuba 3 (from PyPI; Debian's libllvm19)
 cargo xtask bench race       the hybrid beside POV-Ray with radiosity (Debian's povray)
 cargo xtask bench whitted    Whitted ray tracing beside POV-Ray (Debian's povray)
 cargo xtask figure convergence [SCENE] [OUTPUT.svg] [ELEMENTS]   how the radiosity solvers converge over work and time
@@ -28,6 +30,7 @@ fn main() -> ExitCode {
         ["test", rest @ ..] => test(rest),
         ["bench", "rays", ..] => bench_rays::run(&args[2..]),
         ["bench", "factors", ..] => bench_factors::run(&args[2..]),
+        ["bench", "rooms", ..] => bench_rooms::run(&args[2..]),
         ["bench", "scanline", ..] => bench_scanline::run(&args[2..]),
         ["bench", "race", ..] => bench_race::run(&args[2..]),
         ["bench", "whitted", ..] => bench_whitted::run(&args[2..]),

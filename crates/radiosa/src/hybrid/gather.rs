@@ -25,6 +25,9 @@ const NEAR: [f32; 2] = [2.0, 8.0];
 /// Mirrors in a row that a ray of a gather follows, and straight passages through what is transparent.
 const MIRRORS: u32 = 4;
 const LAYERS: u32 = 16;
+/// Surfaces in a row that are looked at closely, and after how many a ray ends by chance.
+const BOUNCES: u32 = 64;
+const SURE: u32 = 2;
 /// Independent estimates at a sensor.
 const SETS: u32 = 16;
 /// Less than this of what a ray brings is not followed.
@@ -177,7 +180,7 @@ impl<'a> FinalGather<'a> {
             let material = world.scene().material_of(crate::scene::InstanceId(hit.instance), hit.primitive);
             if material.is_none_or(|id| self.plain[id.index()])
                 && let Some(element) = self.mesh.element_at(&hit, ray.at(hit.t), ray.dir)
-                && !(reach.looks_closely && hit.t < self.near[element as usize])
+                && !(reach.looks_closely() && hit.t < self.near[element as usize])
                 && !(reach.sees_emission && world.material(material).is_emissive())
             {
                 return (self.reflectance[element as usize] * self.irradiance[element as usize], hit.t);
@@ -221,9 +224,9 @@ impl<'a> FinalGather<'a> {
         if !diffuse.is_black() {
             let known = self.mesh.element_at(met.hit, surface.p, met.dir);
             let is_far = |element: &u32| met.travelled >= self.near[*element as usize];
-            light += match known.filter(|known| is_far(known) || !reach.looks_closely) {
+            light += match known.filter(|known| is_far(known) || !reach.looks_closely()) {
                 Some(element) => diffuse * self.irradiance[element as usize],
-                None if reach.looks_closely => self.looked_at(surface, shading, reach, n_rays),
+                None if reach.looks_closely() => self.looked_at(surface, shading, reach, n_rays),
                 None => Spectrum::BLACK,
             };
         }
@@ -245,7 +248,8 @@ impl<'a> FinalGather<'a> {
         light
     }
 
-    /// The diffuse light of a surface too near for its element's mean: direct light by one point of all emissive surfaces, and one more bounce.
+    /// The diffuse light of a surface too near for its element's mean: direct light by one point of all emissive surfaces, and one more bounce, which may meet
+    /// such a surface again.
     fn looked_at(&self, surface: &Surface, shading: &Shading, reach: Reach, n_rays: &mut u64) -> Spectrum {
         let mut stream = Stream::new(reach.key, 0, 0);
         let direct = self.lights.at_random(self.world, surface, shading, Some(&Media::VACUUM), (1, &mut stream), n_rays).diffuse;
@@ -254,8 +258,15 @@ impl<'a> FinalGather<'a> {
         if dir.dot(side) <= 0.0 {
             return direct;
         }
-        let next = Reach { looks_closely: false, sees_emission: false, key: rng::mix(reach.key ^ 2), ..reach };
-        direct + shading.bsdf.diffuse_reflectance() * self.arriving(&surface.ray(dir), next, n_rays).0
+        let rho = shading.bsdf.diffuse_reflectance();
+        // In narrow places all that is met is near: what goes on there ends by chance, as much as is absorbed.
+        let goes_on = if reach.bounces < SURE { 1.0 } else { rho.max_channel().min(0.95) };
+        if stream.next_f32() >= goes_on {
+            return direct;
+        }
+        let bounces = reach.bounces + 1;
+        let next = Reach { bounces, sees_emission: false, key: rng::mix(reach.key ^ 2), ..reach };
+        direct + rho * (1.0 / goes_on) * self.arriving(&surface.ray(dir), next, n_rays).0
     }
 
     /// From where no surface is.
@@ -322,14 +333,19 @@ struct Reach {
     mirrors: u32,
     /// No direct light has been counted for what it meets.
     sees_emission: bool,
-    /// What it meets nearby is found by one more bounce.
-    looks_closely: bool,
+    /// Surfaces looked at closely behind it.
+    bounces: u32,
     key: u64,
 }
 
 impl Reach {
+    /// What it meets nearby is found by one more bounce.
+    const fn looks_closely(&self) -> bool {
+        self.bounces < BOUNCES
+    }
+
     const fn first(key: u64) -> Self {
-        Self { mirrors: 0, sees_emission: false, looks_closely: true, key }
+        Self { mirrors: 0, sees_emission: false, bounces: 0, key }
     }
 }
 
