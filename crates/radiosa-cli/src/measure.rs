@@ -187,7 +187,10 @@ const OF_ONE: [u32; 2] = [4096, 1 << 16];
 const DETAILED: usize = 256;
 
 fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec<Reading>, Error> {
-    let settings = solve::settings(&args.radiosity, args.seed, &[]);
+    let settings = match args.method {
+        MeasureMethod::Hybrid => solve::settings_to_gather_from(&args.radiosity, 4000, args.seed, &[]),
+        _ => solve::settings(&args.radiosity, args.seed, &[]),
+    };
     let bar = Progress::new("solve", solve::UNIT, args.work.quiet);
     let (solution, done) = solve::saved_or_solved(world, &settings, args.solution.as_deref(), &args.work, &bar)?;
     bar.finish();
@@ -195,7 +198,7 @@ fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec
         tell(&format!("warning[unfinished]: {:.1} % of the light is solved for", done * 100.0));
     }
     if args.method == MeasureMethod::Hybrid {
-        let gather = FinalGather::new(world, &solution, &[], args.seed);
+        let gather = FinalGather::new(world, &solution, &[], args.seed).settled();
         let rays = (RAYS / sensors.len() as u32).clamp(OF_ONE[0], OF_ONE[1]);
         let at = |(k, sensor): (usize, &Sensor)| {
             let (surface, n) = sensor.place(world);

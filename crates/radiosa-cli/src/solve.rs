@@ -24,9 +24,11 @@ use crate::progress;
 use crate::render::output::{self, tell};
 use crate::render::{plan, with_threads};
 
-/// What the options ask for when a hybrid gathers from the solution: no element is ever seen, so that fewer do.
-pub(crate) fn settings_to_gather_from(options: &Radiosity, seed: u64, extra_lights: &[Light]) -> Settings {
-    let fewer = Radiosity { elements: options.elements.or(Some(1000)), refine: options.refine.or(Some(0)), ..options.clone() };
+/// What the options ask for when a hybrid gathers from the solution, with so many elements where they say nothing: no element is ever seen, and the solution is gathered
+/// again, so that fewer do.
+pub(crate) fn settings_to_gather_from(options: &Radiosity, elements: u32, seed: u64, extra_lights: &[Light]) -> Settings {
+    let fewer =
+        Radiosity { elements: options.elements.or(Some(elements)), refine: options.refine.or(Some(0)), ..options.clone() };
     settings(&fewer, seed, extra_lights)
 }
 

@@ -53,7 +53,7 @@ pub(crate) struct Radiosity {
     pub(crate) sphere_rings: u32,
 
     /// Times that elements are divided into four where light varies most, after a first solve, up to about 11 000 elements [default: 1, for
-    /// pictures of the hybrid 0]
+    /// the hybrid 0]
     #[arg(long, value_name = "TIMES", value_parser = clap::value_parser!(u32).range(0..=8))]
     pub(crate) refine: Option<u32>,
 

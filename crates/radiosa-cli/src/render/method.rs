@@ -323,7 +323,7 @@ pub(crate) fn draw(
             let rings = solve::rings(&picture.radiosity, picture.solution.as_deref())?;
             let tessellated = radiosa::radiosity::tessellated(world, rings)?;
             let solved_in = tessellated.as_ref().unwrap_or(world);
-            let settings = solve::settings_to_gather_from(&picture.radiosity, picture.seed, &lighting.extra_lights);
+            let settings = solve::settings_to_gather_from(&picture.radiosity, 1000, picture.seed, &lighting.extra_lights);
             let (solution, solved) =
                 solve::saved_or_solved(solved_in, &settings, picture.solution.as_deref(), &watch.work, &watch.progress)?;
             let mut hybrid = Hybrid::new(world, solved_in, &solution, &hybrid_settings(stage, picture, lighting), view.forward());

@@ -7,6 +7,7 @@
 //! Emission is left out wherever the ray comes straight from the place: that is direct light, which others sample. Behind mirrors it counts: light that a
 //! mirror throws on a diffuse surface is found here or nowhere. Gradients by [Ward92] from the differences between neighbouring cells.
 
+use std::cell::RefCell;
 use std::f32::consts::{PI, TAU};
 
 use crate::math::{Frame, Ray, Vec2, Vec3, function};
@@ -21,7 +22,9 @@ use crate::transport::media::Media;
 use crate::transport::{Emitters, LightSettings, Lights, Shading, Surface, World};
 
 /// A hit nearer than this many times the side of its element is looked at closely; where light varies among its neighbours, up to the second.
-const NEAR: [f32; 2] = [2.0, 8.0];
+const NEAR: [f32; 2] = [1.0, 4.0];
+/// Elements of which less than this is free of others are always looked at closely: the few points that stand for them say little.
+const KNOWN: f64 = 0.25;
 /// Mirrors in a row that a ray of a gather follows, and straight passages through what is transparent.
 const MIRRORS: u32 = 4;
 const LAYERS: u32 = 16;
@@ -36,18 +39,19 @@ const NEGLIGIBLE: f32 = 0.01;
 /// A solution ready to be gathered from.
 #[derive(Debug)]
 pub struct FinalGather<'a> {
-    world: &'a World,
-    mesh: &'a ElementMesh,
+    pub(super) world: &'a World,
+    pub(super) mesh: &'a ElementMesh,
     /// Mean irradiance over each element, over π. (Constant over elements, as the solver has it: the mean of all is then the solver's.)
-    irradiance: Vec<Spectrum>,
+    pub(super) irradiance: Vec<Spectrum>,
     /// The mean reflectance of each element.
     reflectance: Vec<Spectrum>,
     /// How near each element may be taken as a whole, metres.
-    near: Vec<f32>,
+    pub(super) near: Vec<f32>,
     sky: DirectLight<'a>,
-    lights: Lights,
+    pub(super) lights: Lights,
     /// By material: rays end there, and what they meet reflects diffusely alone.
     plain: Vec<bool>,
+    pub(super) seed: u64,
 }
 
 /// What arrives at a place.
@@ -95,6 +99,7 @@ impl<'a> FinalGather<'a> {
             sky: DirectLight::new(world, extra_lights, seed),
             lights: Lights::prepare_without_skies(world, &lights, extra_lights).with_random_points(world),
             plain: world.scene().materials.iter().map(is_plain).collect(),
+            seed,
         }
     }
 
@@ -172,7 +177,7 @@ impl<'a> FinalGather<'a> {
     }
 
     /// What a ray brings, and how far it went.
-    fn arriving(&self, ray: &Ray, reach: Reach, n_rays: &mut u64) -> (Spectrum, f32) {
+    pub(super) fn arriving(&self, ray: &Ray, reach: Reach<'_>, n_rays: &mut u64) -> (Spectrum, f32) {
         *n_rays += 1;
         let world = self.world;
         if !world.has_masks() {
@@ -183,14 +188,21 @@ impl<'a> FinalGather<'a> {
                 && !(reach.looks_closely() && hit.t < self.near[element as usize])
                 && !(reach.sees_emission && world.material(material).is_emissive())
             {
-                return (self.reflectance[element as usize] * self.irradiance[element as usize], hit.t);
+                return (self.of_element(element, self.reflectance[element as usize], &reach), hit.t);
             }
         }
         self.followed(ray, reach, n_rays)
     }
 
+    /// What of an element's light a surface of some reflectance sends out, by what the solution says; noted instead, where that is not known yet.
+    fn of_element(&self, element: u32, reflectance: Spectrum, reach: &Reach<'_>) -> Spectrum {
+        let Some(sink) = reach.sink else { return reflectance * self.irradiance[element as usize] };
+        sink.borrow_mut().push((element, reach.through * reflectance));
+        Spectrum::BLACK
+    }
+
     /// The same with everything that can be there.
-    fn followed(&self, ray: &Ray, reach: Reach, n_rays: &mut u64) -> (Spectrum, f32) {
+    fn followed(&self, ray: &Ray, reach: Reach<'_>, n_rays: &mut u64) -> (Spectrum, f32) {
         let world = self.world;
         let (mut ray, mut open, mut light) = (*ray, Spectrum::WHITE, Spectrum::BLACK);
         let (mut first, mut travelled) = (None, 0.0);
@@ -204,7 +216,9 @@ impl<'a> FinalGather<'a> {
             let shading = world.shading(&surface, -ray.dir);
             let key = rng::mix(reach.key ^ u64::from(layer + 1));
             let met = Met { surface: &surface, shading: &shading, hit: &hit, travelled, dir: ray.dir };
-            light += open * shading.coverage * self.leaving(&met, Reach { key, ..reach }, n_rays);
+            let open_here = open * shading.coverage;
+            let through = reach.through * open_here;
+            light += open_here * self.leaving(&met, Reach { key, through, ..reach }, n_rays);
             let glass = shading.straight_transmission(&surface);
             open = open * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
             if open.max_channel() < NEGLIGIBLE {
@@ -217,7 +231,7 @@ impl<'a> FinalGather<'a> {
     }
 
     /// What leaves a surface towards the ray that met it.
-    fn leaving(&self, met: &Met<'_>, reach: Reach, n_rays: &mut u64) -> Spectrum {
+    fn leaving(&self, met: &Met<'_>, reach: Reach<'_>, n_rays: &mut u64) -> Spectrum {
         let Met { surface, shading, .. } = met;
         let mut light = if reach.sees_emission { shading.emission } else { Spectrum::BLACK };
         let diffuse = shading.bsdf.diffuse_reflectance();
@@ -225,7 +239,7 @@ impl<'a> FinalGather<'a> {
             let known = self.mesh.element_at(met.hit, surface.p, met.dir);
             let is_far = |element: &u32| met.travelled >= self.near[*element as usize];
             light += match known.filter(|known| is_far(known) || !reach.looks_closely()) {
-                Some(element) => diffuse * self.irradiance[element as usize],
+                Some(element) => self.of_element(element, diffuse, &reach),
                 None if reach.looks_closely() => self.looked_at(surface, shading, reach, n_rays),
                 None => Spectrum::BLACK,
             };
@@ -242,7 +256,8 @@ impl<'a> FinalGather<'a> {
             && weight.max_channel() >= NEGLIGIBLE
             && dir.dot(surface.ng) * wo.dot(surface.ng) > 0.0
         {
-            let next = Reach { mirrors: reach.mirrors + 1, sees_emission: true, key: rng::mix(reach.key), ..reach };
+            let through = reach.through * weight;
+            let next = Reach { mirrors: reach.mirrors + 1, sees_emission: true, key: rng::mix(reach.key), through, ..reach };
             light += weight * self.arriving(&surface.ray(dir), next, n_rays).0;
         }
         light
@@ -250,7 +265,7 @@ impl<'a> FinalGather<'a> {
 
     /// The diffuse light of a surface too near for its element's mean: direct light by one point of all emissive surfaces, and one more bounce, which may meet
     /// such a surface again.
-    fn looked_at(&self, surface: &Surface, shading: &Shading, reach: Reach, n_rays: &mut u64) -> Spectrum {
+    fn looked_at(&self, surface: &Surface, shading: &Shading, reach: Reach<'_>, n_rays: &mut u64) -> Spectrum {
         let mut stream = Stream::new(reach.key, 0, 0);
         let direct = self.lights.at_random(self.world, surface, shading, Some(&Media::VACUUM), (1, &mut stream), n_rays).diffuse;
         let dir = Frame::from_normal(shading.n).to_world(warp::cosine_hemisphere(stream.next_2d()));
@@ -264,13 +279,14 @@ impl<'a> FinalGather<'a> {
         if stream.next_f32() >= goes_on {
             return direct;
         }
-        let bounces = reach.bounces + 1;
-        let next = Reach { bounces, sees_emission: false, key: rng::mix(reach.key ^ 2), ..reach };
-        direct + rho * (1.0 / goes_on) * self.arriving(&surface.ray(dir), next, n_rays).0
+        let weight = rho * (1.0 / goes_on);
+        let (bounces, through) = (reach.bounces + 1, reach.through * weight);
+        let next = Reach { bounces, sees_emission: false, key: rng::mix(reach.key ^ 2), through, ..reach };
+        direct + weight * self.arriving(&surface.ray(dir), next, n_rays).0
     }
 
     /// From where no surface is.
-    fn beyond(&self, dir: Vec3, reach: Reach) -> Spectrum {
+    fn beyond(&self, dir: Vec3, reach: Reach<'_>) -> Spectrum {
         if reach.sees_emission { self.world.background(dir, false) } else { self.sky.sky_radiance(dir) }
     }
 }
@@ -280,6 +296,9 @@ fn near(solution: &Solution) -> Vec<f32> {
     let mesh = &solution.mesh;
     let of = |i: usize| luminance(solution.irradiance[i]);
     let element = |(i, element): (usize, &Element)| {
+        if element.exposed() < KNOWN {
+            return f32::INFINITY;
+        }
         let own = of(i);
         let step =
             mesh.neighbours(element).map(|j| (of(j) - own).abs() / of(j).max(own).max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
@@ -328,7 +347,7 @@ fn add(gradient: &mut [Vec3; 3], direction: Vec3, by: Spectrum) {
 
 /// How a ray of a gather came to be.
 #[derive(Clone, Copy)]
-struct Reach {
+pub(super) struct Reach<'s> {
     /// Mirrors behind it.
     mirrors: u32,
     /// No direct light has been counted for what it meets.
@@ -336,16 +355,28 @@ struct Reach {
     /// Surfaces looked at closely behind it.
     bounces: u32,
     key: u64,
+    /// What is left of the light that goes this way back.
+    through: Spectrum,
+    /// Where elements are noted, instead of having their light counted.
+    sink: Option<&'s Sink>,
 }
 
-impl Reach {
+/// Elements at which rays ended, with the part of their irradiance that arrives.
+pub(super) type Sink = RefCell<Vec<(u32, Spectrum)>>;
+
+impl<'s> Reach<'s> {
+    /// As [`Self::first`], with elements noted in `sink`.
+    pub(super) const fn noting(key: u64, sink: &'s Sink) -> Self {
+        Self { sink: Some(sink), ..Self::first(key) }
+    }
+
     /// What it meets nearby is found by one more bounce.
     const fn looks_closely(&self) -> bool {
         self.bounces < BOUNCES
     }
 
-    const fn first(key: u64) -> Self {
-        Self { mirrors: 0, sees_emission: false, bounces: 0, key }
+    pub(super) const fn first(key: u64) -> Self {
+        Self { mirrors: 0, sees_emission: false, bounces: 0, key, through: Spectrum::WHITE, sink: None }
     }
 }
 

@@ -14,6 +14,7 @@
 mod cache;
 mod fill;
 mod gather;
+mod settle;
 
 pub use cache::Cache;
 pub use fill::Filling;
@@ -54,7 +55,7 @@ impl<'a> Hybrid<'a> {
     /// ([`tessellated`](crate::radiosity::tessellated)). `forward` is the direction the camera looks in.
     pub fn new(world: &World, solved: &'a World, solution: &'a Solution, settings: &Settings, forward: Vec3) -> Self {
         let whitted = Whitted::with_indirect(world, &settings.whitted, forward);
-        let gather = FinalGather::new(solved, solution, &settings.whitted.extra_lights, settings.seed);
+        let gather = FinalGather::new(solved, solution, &settings.whitted.extra_lights, settings.seed).settled();
         let cache = Cache::new(world.accel().bounds(), settings.cache);
         Self { whitted, gather, cache, settings: settings.clone() }
     }
