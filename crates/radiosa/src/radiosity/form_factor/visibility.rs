@@ -109,6 +109,35 @@ impl<'a> Visibility<'a> {
         false
     }
 
+    /// `Σ V K` and `Σ K` along `n` lines between two groups of elements, spread over both; K with the areas of the elements at the ends.
+    pub(super) fn seen_between(&self, elements: &[Element], [a, b]: [&[u32]; 2], n: usize, scratch: &mut Scratch) -> [f64; 2] {
+        let turn = (rng::mix(u64::from(a[0]) << 32 | u64::from(b[0])) >> 33) as usize;
+        scratch.lines.rays.clear();
+        scratch.kernel.clear();
+        for k in 0..n {
+            // Strata of either group, those of the second in another order.
+            let (s, t) = (k, (k * 7 + turn) % n);
+            let (i, j) = (a[(2 * s + 1) * a.len() / (2 * n)], b[(2 * t + 1) * b.len() / (2 * n)]);
+            let (s, t) = (k % POINTS, (k ^ turn) % POINTS);
+            let (from, to) = (&elements[i as usize], &elements[j as usize]);
+            let (p, q) = (self.of(i)[s], self.of(j)[t]);
+            let d = q - p;
+            let r2 = d.length_squared();
+            let cosines = from.normal.as_vec3().dot(d).max(0.0) * (-to.normal.as_vec3().dot(d)).max(0.0);
+            let kernel = cosines / (r2 * r2) * (from.area * to.area) as f32;
+            if kernel > 0.0 && kernel.is_finite() && from.exposes(s) && to.exposes(t) {
+                scratch.lines.rays.push(Ray { origin: p, dir: d, t_max: 1.0 });
+                scratch.kernel.push(kernel);
+            }
+        }
+        scratch.lines.trace(self.world);
+        scratch
+            .kernel
+            .iter()
+            .zip(&scratch.lines.passed)
+            .fold([0.0; 2], |[seen, all], (kernel, passed)| [seen + f64::from(*kernel * *passed), all + f64::from(*kernel)])
+    }
+
     /// `Σ V K` and `Σ (V K)²` over pairs of points of two elements with their kernels, and `Σ V K e^(−σ r) / Σ V K`.
     pub(super) fn visible_sums<'e>(
         &self,
