@@ -354,7 +354,6 @@ impl<'a> Radiosity<'a> {
                 let taken = hierarchical.step(system, factors, &mut unknowns, sums);
                 self.n_pairs += taken.pairs;
                 self.n_exchanges += taken.exchanges;
-                self.limited = hierarchical.limited();
                 *n_factors = 2 * hierarchical.n_links();
             }
             (Progress::Stochastic(stochastic), _) => {

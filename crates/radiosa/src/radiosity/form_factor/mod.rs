@@ -182,6 +182,17 @@ impl<'a> Factors<'a> {
         }
     }
 
+    /// By element: of `n` rays over its hemisphere each meets an element. Nobody knows where surfaces are transparent.
+    pub(super) fn closed(&self, n: u32) -> Vec<bool> {
+        match &self.kind {
+            Kind::Analytic(pairs) => {
+                let is_closed = |i: usize| pairs.is_closed(self.mesh, i as u32, n);
+                (0..self.mesh.elements().len()).into_par_iter().map(is_closed).collect()
+            }
+            _ => vec![false; self.mesh.elements().len()],
+        }
+    }
+
     /// Nothing can stand between any two elements.
     pub(super) fn is_convex(&self) -> bool {
         matches!(&self.kind, Kind::Analytic(pairs) if pairs.is_convex())

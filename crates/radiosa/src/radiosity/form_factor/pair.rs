@@ -149,6 +149,11 @@ impl<'a> Pairs<'a> {
         self.visibility.seen_between(self.elements, groups, n, &mut scratch.visibility)
     }
 
+    /// Of `n` rays over the hemisphere of an element each meets an element.
+    pub(in crate::radiosity) fn is_closed(&self, mesh: &ElementMesh, i: u32, n: u32) -> bool {
+        self.elements[i as usize].area > 0.0 && self.visibility.is_closed(mesh, i, n)
+    }
+
     /// Shadows are cut out, not sampled.
     pub fn is_clipping(&self) -> bool {
         self.clip.is_some() && self.occluders.is_some()

@@ -9,10 +9,10 @@
 
 use crate::accel::Occluder;
 use crate::math::polygon::clip;
-use crate::math::{DVec3, Ray, Vec3};
+use crate::math::{DVec3, Frame, Ray, Vec3};
 use crate::radiosity::medium::Medium;
 use crate::radiosity::mesh::{self, Element, ElementMesh};
-use crate::sampling::rng;
+use crate::sampling::{rng, sequence, warp};
 use crate::transport::{Passage, World};
 
 pub(super) use crate::radiosity::mesh::POINTS;
@@ -107,6 +107,24 @@ impl<'a> Visibility<'a> {
             }
         }
         false
+    }
+
+    /// Of `n` rays over the hemisphere of an element each meets an element; never where surfaces are transparent.
+    pub(super) fn is_closed(&self, mesh: &ElementMesh, i: u32, n: u32) -> bool {
+        let element = &mesh.elements()[i as usize];
+        if self.world.has_transparency() || !element.normal.is_finite() {
+            return false;
+        }
+        let frame = Frame::from_normal(element.normal.as_vec3());
+        let key = rng::key(&[u64::from(i), 0x636C_6F73_6564]);
+        let mut of = (0..n).filter(|&k| element.exposes(k as usize % POINTS)).peekable();
+        of.peek().is_some()
+            && of.all(|k| {
+                let dir = frame.to_world(warp::cosine_hemisphere(sequence::point_2d(k, key)));
+                let ray = Ray { origin: self.of(i)[k as usize % POINTS], dir, t_max: f32::INFINITY };
+                let hit = self.world.closest_visible(&ray);
+                hit.is_some_and(|(hit, _)| mesh.element_at(&hit, ray.at(hit.t), dir).is_some())
+            })
     }
 
     /// `Σ V K` and `Σ K` along `n` lines between two groups of elements, spread over both; K with the areas of the elements at the ends.

@@ -11,7 +11,8 @@
 //! coarser rule differs), and from lines between them, of which some but not all are blocked. Single elements close to each other exchange what every other solver's do.
 //! Radiosities, which the oracle wants, come from coarser links before: the tolerance falls in stages (multi-gridding).
 //!
-//! What is linked is exchanged both ways alike, so that no power is made or lost, however coarse.
+//! What is linked is exchanged both ways alike, so that no power is made or lost, however coarse. Elements have a factor d each, and exchange `d_i G_ij d_j`: it
+//! makes the rows of elements from which no ray escapes sum to one, and keeps others from receiving more than there is.
 
 mod links;
 mod tree;
@@ -23,7 +24,6 @@ use rayon::prelude::*;
 use self::links::{Decision, Link, Oracle, Work};
 use self::tree::Tree;
 use super::form_factor::Factors;
-use super::matrix::Limited;
 use super::mesh::ElementMesh;
 use super::stream::{In, Out, wrong};
 use super::system::{Sums, System, Unknowns};
@@ -52,6 +52,15 @@ const STAGES: [f64; 3] = [16.0, 4.0, 1.0];
 /// What a stage leaves unshot before the next.
 const SETTLED: f64 = 0.02;
 
+/// Rays from an element that tell whether any escapes.
+const CLOSED_RAYS: u32 = 32;
+
+/// Rounds of Sinkhorn's iteration.
+const ROUNDS: usize = 20;
+
+/// The largest d, and the inverse of the smallest.
+const MOST_SCALE: f64 = 4.0;
+
 /// Where a link leads, seen from either end.
 #[derive(Clone, Copy, Debug, Default)]
 struct End {
@@ -77,7 +86,10 @@ pub struct Hierarchical {
     /// The ends of links by node: those of node k are `ends[starts[k]..starts[k + 1]]`. Made of the links.
     starts: Vec<usize>,
     ends: Vec<End>,
-    limited: Limited,
+    /// By element: d.
+    scale: Vec<f64>,
+    /// By element: no ray from it escapes. Not known before the first links, and then empty.
+    is_closed: Vec<bool>,
 }
 
 /// What a step took.
@@ -99,7 +111,8 @@ impl Hierarchical {
             has_settled: true,
             starts: Vec::new(),
             ends: Vec::new(),
-            limited: Limited::default(),
+            scale: Vec::new(),
+            is_closed: Vec::new(),
         }
     }
 
@@ -118,17 +131,17 @@ impl Hierarchical {
         self.stages == STAGES.len()
     }
 
-    /// Elements that would have received more than there is.
-    pub fn limited(&self) -> Limited {
-        self.limited
-    }
-
     /// The links of the next stage where this one has settled, and a sweep over all.
     pub(super) fn step(&mut self, system: &System, factors: &Factors, unknowns: &mut Unknowns, sums: &mut Sums) -> Taken {
         let mut taken = Taken::default();
         if self.has_settled && !self.is_final() {
             taken.pairs = self.refine(system, factors, unknowns.radiosity);
-            self.connect(system, sums);
+            if self.is_closed.is_empty() {
+                self.is_closed = factors.closed(CLOSED_RAYS);
+            }
+            self.make_ends();
+            self.make_scale(system);
+            self.sum_up(system, sums);
         }
         taken.exchanges = self.ends.len() as u64;
         self.sweep(system, unknowns);
@@ -187,23 +200,19 @@ impl Hierarchical {
         self.pull(&of).into_iter().map(|[b, rho, _]| [b, rho]).collect()
     }
 
-    /// Makes the ends of the links, brought down where an element would receive more than there is, and sums them up.
-    fn connect(&mut self, system: &System, sums: &mut Sums) {
-        self.make_ends(|_| 1.0);
-        let shares = self.shares(system);
-        if self.limited.rows > 0 {
-            self.make_ends(|link| shares[link.nodes[0] as usize].min(shares[link.nodes[1] as usize]));
-        }
-        let met = self.push(&|end: &End| [end.area; 3]);
-        sums.met = self.by_element(system.n(), &met).into_iter().map(|m| m[0]).collect();
+    /// What each element sends out is met and arrives.
+    fn sum_up(&self, system: &System, sums: &mut Sums) {
+        let sent = self.pull(&self.scaled(|_| [1.0; 3]));
+        let met = self.push(&|end: &End| sent[end.node as usize].map(|d| end.area * d));
+        sums.met = self.received(&met).into_iter().map(|m| m[0]).collect();
         if !system.medium.is_clear() {
-            let arriving = self.push(&|end: &End| end.passing.map(|tau| end.area * tau));
-            sums.arriving = self.by_element(system.n(), &arriving);
+            let through = |end: &End| std::array::from_fn(|c| end.area * end.passing[c] * sent[end.node as usize][c]);
+            sums.arriving = self.received(&self.push(&through));
         }
     }
 
-    /// The ends of all links, times what `share` says.
-    fn make_ends(&mut self, share: impl Fn(&Link) -> f64) {
+    /// The ends of all links.
+    fn make_ends(&mut self) {
         let n = self.tree.nodes.len();
         let mut starts = vec![0usize; n + 1];
         self.links.iter().flat_map(|link| link.nodes).for_each(|k| starts[k as usize + 1] += 1);
@@ -211,38 +220,44 @@ impl Hierarchical {
         let mut next = starts.clone();
         let mut ends = vec![End::default(); starts[n]];
         for link in &self.links {
-            let area = link.area * share(link);
             for (at, node) in [(0, 1), (1, 0)].map(|(i, j)| (link.nodes[i] as usize, link.nodes[j])) {
-                ends[next[at]] = End { node, area, passing: link.passing };
+                ends[next[at]] = End { node, area: link.area, passing: link.passing };
                 next[at] += 1;
             }
         }
         (self.starts, self.ends) = (starts, ends);
     }
 
-    /// By node: the part of its links that leaves each of its elements what there is.
-    fn shares(&mut self, system: &System) -> Vec<f64> {
-        /// As [`super::matrix`] has it.
-        const EXCESS: f64 = 0.02;
-        let passes: Vec<[f64; 3]> = (0..system.n()).map(|i| [system.passes(i); 3]).collect();
-        let passes = self.pull(&passes);
-        let met = self.push(&|end: &End| [end.area, end.area * passes[end.node as usize][0], 0.0]);
-        let mut shares = vec![1.0f64; self.tree.nodes.len()];
-        self.limited = Limited::default();
-        for (k, node) in self.tree.nodes.iter().enumerate().rev() {
-            match node.children {
-                Some([a, b]) => shares[k] = shares[a as usize].min(shares[b as usize]),
-                None => {
-                    let [sum, passes, _] = met[k];
-                    if sum > 1.0 + passes + EXCESS {
-                        shares[k] = (1.0 + passes) / sum;
-                        self.limited.rows += 1;
-                        self.limited.largest = self.limited.largest.max(sum);
-                    }
-                }
+    /// Finds d by Sinkhorn's iteration `d_i ← √(d_i / Σ_j F_ij d_j)`, which keeps the symmetry; at most one where rays escape.
+    ///
+    /// What passes an element is met once more behind it: rows may sum to one and what passes.
+    fn make_scale(&mut self, system: &System) {
+        let n = system.n();
+        self.scale = vec![1.0; n];
+        let row = |this: &Self| -> Vec<f64> {
+            // The sum of a row by what it may be.
+            let sent = this.pull(&this.scaled(|_| [1.0; 3]));
+            let passing = this.pull(&this.scaled(|i| [system.passes(i); 3]));
+            let of = |end: &End| {
+                let k = end.node as usize;
+                [end.area * sent[k][0], end.area * passing[k][0], 0.0]
+            };
+            this.received(&this.push(&of)).into_iter().map(|[sum, passes, _]| sum / (1.0 + passes)).collect()
+        };
+        for _ in 0..ROUNDS {
+            for (i, sum) in row(self).into_iter().enumerate() {
+                let d = (self.scale[i] * self.scale[i] / sum).sqrt();
+                let most = if self.is_closed[i] { MOST_SCALE } else { 1.0 };
+                self.scale[i] = if d.is_finite() { d.clamp(1.0 / MOST_SCALE, most) } else { 1.0 };
             }
         }
-        shares
+        // What is still above comes down; nothing goes up by that.
+        row(self).into_iter().enumerate().for_each(|(i, sum)| self.scale[i] /= sum.max(1.0));
+    }
+
+    /// Columns times d.
+    fn scaled(&self, of: impl Fn(usize) -> [f64; 3]) -> Vec<[f64; 3]> {
+        self.scale.iter().enumerate().map(|(i, d)| of(i).map(|v| d * v)).collect()
     }
 
     /// `B_I = Σ A_i B_i / Σ A_i`, by node.
@@ -281,23 +296,26 @@ impl Hierarchical {
         sums
     }
 
-    /// What single elements among nodes have; zero for those that are in no tree.
-    fn by_element(&self, n: usize, of: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        let mut values = vec![[0.0; 3]; n];
+    /// What single elements among nodes have, times d; zero for those that are in no tree.
+    fn received(&self, of: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let mut values = vec![[0.0; 3]; self.scale.len()];
         let single = self.tree.nodes.iter().zip(of).filter(|(node, _)| node.children.is_none());
-        single.for_each(|(node, v)| values[self.tree.element(node)] = *v);
+        single.for_each(|(node, v)| {
+            let i = self.tree.element(node);
+            values[i] = v.map(|v| self.scale[i] * v);
+        });
         values
     }
 
     /// Everything that is there is sent out once more, from the radiosities of the sweep before.
     fn sweep(&self, system: &System, unknowns: &mut Unknowns) {
         let Unknowns { radiosity, irradiance, unshot } = unknowns;
-        let b = self.pull(radiosity);
+        let b = self.pull(&self.scaled(|i| radiosity[i]));
         let arriving = self.push(&|end: &End| {
             let b = &b[end.node as usize];
             std::array::from_fn(|c| end.area * end.passing[c] * b[c])
         });
-        for (i, gathered) in self.by_element(system.n(), &arriving).into_iter().enumerate() {
+        for (i, gathered) in self.received(&arriving).into_iter().enumerate() {
             irradiance[i] = std::array::from_fn(|c| system.direct[i][c] + gathered[c]);
             let shot = radiosity[i];
             radiosity[i] = std::array::from_fn(|c| system.emission[i][c] + system.reflectance[i][c] * irradiance[i][c]);
@@ -315,7 +333,9 @@ impl Hierarchical {
         }
         out.array(&self.links.iter().map(|link| link.nodes).collect::<Vec<_>>())?;
         let numbers = |link: &Link| [link.area, link.error, link.passing[0], link.passing[1], link.passing[2]];
-        out.array(&self.links.iter().map(numbers).collect::<Vec<_>>())
+        out.array(&self.links.iter().map(numbers).collect::<Vec<_>>())?;
+        out.array(&self.scale)?;
+        out.array(&self.is_closed.iter().map(|&c| u8::from(c)).collect::<Vec<_>>())
     }
 
     /// Reads what [`Self::store`] wrote.
@@ -326,16 +346,20 @@ impl Hierarchical {
         let (stages, has_settled, raised) = (from.number()?, from.number()? != 0, f64::from_bits(from.number()?));
         let nodes = from.any_array::<[u32; 2]>()?;
         let numbers = from.array::<[f64; 5]>(nodes.len())?;
+        let (scale, is_closed) = (from.any_array::<f64>()?, from.any_array::<u8>()?);
         let n = self.tree.nodes.len() as u32;
+        let is_whole = [scale.len(), is_closed.len()].iter().all(|&m| m == if stages == 0 { 0 } else { system.n() });
+        let is_whole = is_whole && scale.iter().all(|d| (0.0..=MOST_SCALE).contains(d));
         // (What is no number is not in the range either.)
         let is_known = nodes.iter().flatten().all(|&k| k < n) && numbers.iter().flatten().all(|v| (0.0..1e300).contains(v));
-        if stages > STAGES.len() as u64 || !is_known || !(1.0..1e13).contains(&raised) {
+        if stages > STAGES.len() as u64 || !is_known || !is_whole || !(1.0..1e13).contains(&raised) {
             return Err(wrong("its links are of other elements"));
         }
         let link = |(nodes, [area, error, r, g, b]): ([u32; 2], [f64; 5])| Link { nodes, area, error, passing: [r, g, b] };
         self.links = nodes.into_iter().zip(numbers).map(link).collect();
         (self.stages, self.has_settled, self.raised) = (stages as usize, has_settled, raised);
-        self.connect(system, &mut Sums::unknown(system));
+        (self.scale, self.is_closed) = (scale, is_closed.into_iter().map(|c| c != 0).collect());
+        self.make_ends();
         Ok(())
     }
 }
