@@ -53,7 +53,7 @@ const STAGES: [f64; 3] = [16.0, 4.0, 1.0];
 const SETTLED: f64 = 0.02;
 
 /// Rays from an element that tell whether any escapes.
-const CLOSED_RAYS: u32 = 32;
+const CLOSED_RAYS: u32 = 128;
 
 /// Rounds of Sinkhorn's iteration.
 const ROUNDS: usize = 20;
@@ -67,6 +67,8 @@ struct End {
     node: u32,
     /// `Σ A_i F_ij`, m².
     area: f64,
+    /// As [`Link::error`].
+    error: f64,
     passing: [f64; 3],
 }
 
@@ -221,7 +223,7 @@ impl Hierarchical {
         let mut ends = vec![End::default(); starts[n]];
         for link in &self.links {
             for (at, node) in [(0, 1), (1, 0)].map(|(i, j)| (link.nodes[i] as usize, link.nodes[j])) {
-                ends[next[at]] = End { node, area: link.area, passing: link.passing };
+                ends[next[at]] = End { node, area: link.area, error: link.error, passing: link.passing };
                 next[at] += 1;
             }
         }
@@ -244,10 +246,12 @@ impl Hierarchical {
             };
             this.received(&this.push(&of)).into_iter().map(|[sum, passes, _]| sum / (1.0 + passes)).collect()
         };
+        // Nothing goes up by more than its links may be wrong: what is exact stays, and rays that miss a small opening close nothing.
+        let wrong = self.received(&self.push(&|end: &End| [end.error; 3]));
         for _ in 0..ROUNDS {
             for (i, sum) in row(self).into_iter().enumerate() {
                 let d = (self.scale[i] * self.scale[i] / sum).sqrt();
-                let most = if self.is_closed[i] { MOST_SCALE } else { 1.0 };
+                let most = if self.is_closed[i] { (1.0 + wrong[i][0]).min(MOST_SCALE) } else { 1.0 };
                 self.scale[i] = if d.is_finite() { d.clamp(1.0 / MOST_SCALE, most) } else { 1.0 };
             }
         }
