@@ -53,6 +53,10 @@ pub(crate) fn settings(options: &Radiosity, seed: u64, extra_lights: &[Light]) -
                 block: options.block,
                 ..solve::shooting::Settings::default()
             }),
+            Solver::Hierarchical => solve::Solver::Hierarchical(radiosity::hierarchical::Settings {
+                tolerance: options.tolerance,
+                ..radiosity::hierarchical::Settings::default()
+            }),
             Solver::Stochastic => solve::Solver::Stochastic(solve::stochastic::Settings {
                 rays: options.rays,
                 ..solve::stochastic::Settings::default()
@@ -148,6 +152,15 @@ struct Solved {
     solve_time: Duration,
 }
 
+/// The same with no more links than memory allows.
+fn within_memory(settings: &Settings, work: &Work) -> Settings {
+    let mut settings = settings.clone();
+    if let solve::Solver::Hierarchical(of) = &mut settings.solver {
+        of.max_links = usize::try_from(work.max_memory / radiosity::hierarchical::BYTES_A_LINK).unwrap_or(usize::MAX).max(1);
+    }
+    settings
+}
+
 /// Solves until it is done, time is up or somebody interrupts; goes on from `state`, when there is one.
 ///
 /// # Errors
@@ -161,6 +174,7 @@ fn solved(
     save: Option<&Save>,
 ) -> Result<Solved, Error> {
     let start = Instant::now();
+    let settings = &within_memory(settings, work);
     let n = ElementMesh::estimate(world, &settings.mesh);
     plan::within_memory_or(
         &format!("a mesh of about {n} elements"),
@@ -221,6 +235,16 @@ fn solved(
         if limited.rows > 0 {
             let (rows, n, largest) = (limited.rows, radiosity.solution().system.n(), limited.largest);
             warnings.push(("factors", format!("form factors of {rows} of {n} elements summed to more than there is, up to {largest:.3}, and were brought down")));
+        }
+        warnings.retain(|(name, _)| *name != "tolerance");
+        if let (Progress::Hierarchical(found), solve::Solver::Hierarchical(asked)) = (radiosity.progress(), &settings.solver)
+            && found.tolerance() > asked.tolerance
+        {
+            let (n, reached) = (found.n_links(), found.tolerance());
+            warnings.push((
+                "tolerance",
+                format!("--max-memory allows {n} links: the tolerance is {reached:.2e} in place of {:.2e}", asked.tolerance),
+            ));
         }
         let (solution, progress) = radiosity.into_parts();
         let finished = |done, solution, progress, warnings| {
@@ -418,6 +442,7 @@ fn concerns(option: &str, solver: &str) -> bool {
     match option {
         "block" | "order" | "unshot" => solver == "shooting",
         "error" | "rays" => solver == "stochastic",
+        "tolerance" => solver == "hierarchical",
         "residual" => solver != "stochastic",
         _ => true,
     }

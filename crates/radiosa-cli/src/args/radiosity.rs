@@ -48,6 +48,10 @@ pub(crate) struct Radiosity {
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     pub(crate) rays: u32,
 
+    /// The power that one link between groups of elements may misplace, relative to that of a mean element (hierarchical)
+    #[arg(long, value_name = "X", default_value_t = 0.01, value_parser = parse_scale)]
+    pub(crate) tolerance: f64,
+
     /// Rings of quadrilaterals made of a sphere
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(2..=256))]
     pub(crate) sphere_rings: u32,
@@ -106,6 +110,8 @@ pub(crate) enum Solver {
     GaussSeidel,
     /// Progressive refinement: what has most to give gives first
     Shooting,
+    /// Links between groups of elements, as coarse as --tolerance allows
+    Hierarchical,
     /// Rays instead of form factors
     Stochastic,
 }

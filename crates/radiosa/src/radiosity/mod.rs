@@ -7,6 +7,7 @@
 //!   │  form_factor, matrix     how much of what leaves one element arrives at another
 //!   │  direct, system          what elements are made of, and what lights that are not surfaces bring them
 //!   │  solve                   B = E + ρ F B
+//!   │  hierarchical            the same between groups of elements, without a matrix
 //! Solution                     radiosity and irradiance of every element
 //!   │  refine                  elements divided where that light varies, and again
 //!   │  gather, display         at a point; as a picture
@@ -23,6 +24,7 @@ mod exposure;
 pub mod form_factor;
 pub mod gather;
 mod groups;
+pub mod hierarchical;
 pub mod lines;
 pub mod matrix;
 pub mod medium;

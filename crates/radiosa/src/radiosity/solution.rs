@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::direct::DirectLight;
 use super::form_factor::{Estimator, Factors, Row};
+use super::hierarchical::Hierarchical;
 use super::matrix::{Limited, Matrix};
 use super::medium::Medium;
 use super::mesh::{self, Blocks, ElementMesh};
@@ -185,6 +186,8 @@ pub enum Progress {
     Shooting(Shooting),
     /// Rounds so far.
     Stochastic(Box<Stochastic>),
+    /// Links so far.
+    Hierarchical(Box<Hierarchical>),
 }
 
 impl Progress {
@@ -197,6 +200,7 @@ impl Progress {
                 let blocks = division.with_blocks.as_ref().map(|(_, blocks)| blocks.clone());
                 Self::Shooting(Shooting::new(settings, blocks.unwrap_or_else(|| Blocks::single(system.n()))))
             }
+            Method::Hierarchical(of) => Self::Hierarchical(Box::new(Hierarchical::new(of, &division.mesh))),
             Method::Stochastic(of) => {
                 Self::Stochastic(Box::new(Stochastic::new(system, Pools::new(&division.mesh), of, settings.seed)))
             }
@@ -216,7 +220,6 @@ impl<'a> Radiosity<'a> {
         let n = system.n();
         let mesh = division.with_blocks.as_ref().map_or(&division.mesh, |(mesh, _)| mesh);
         let progress = Progress::new(division, settings, &system);
-        let has_factors = !matches!(progress, Progress::Stochastic(_));
         let mut solution = Solution {
             mesh: division.mesh.clone(),
             radiosity: vec![[0.0; 3]; n],
@@ -234,8 +237,13 @@ impl<'a> Radiosity<'a> {
         let balance = system.balance(sums, irradiance, radiosity, unshot);
         let medium = system.medium;
         solution.balance = balance;
+        let factors = match progress {
+            Progress::Stochastic(_) => None,
+            Progress::Hierarchical(_) => Some(Factors::for_links(world, mesh, &settings.estimator, medium)),
+            _ => Some(Factors::in_medium(world, mesh, &settings.estimator, medium, settings.seed)),
+        };
         Self {
-            factors: has_factors.then(|| Factors::in_medium(world, mesh, &settings.estimator, medium, settings.seed)),
+            factors,
             stop: settings.stop,
             progress,
             n_pairs: 0,
@@ -260,7 +268,7 @@ impl<'a> Radiosity<'a> {
         let progress = progress.unwrap_or_else(|| Progress::new(division, settings, &solution.system));
         if let Some(last) = solution.history.records.last() {
             (radiosity.n_pairs, radiosity.n_exchanges) = (last.n_pairs, last.n_exchanges);
-            radiosity.has_converged = settings.stop.is_reached(last);
+            radiosity.has_converged = settings.stop.is_reached(last) && progress.is_whole();
         } else if let Progress::Gathering(..) = &progress {
             radiosity.n_pairs = pairs_of(n, n);
         }
@@ -330,7 +338,7 @@ impl<'a> Radiosity<'a> {
         let mut error = None;
         let mut n_rays = 0;
         let mut by_rays = None;
-        let Solution { mesh, system, radiosity, irradiance, unshot, sums, irradiance_error, .. } = &mut self.solution;
+        let Solution { mesh, system, radiosity, irradiance, unshot, sums, irradiance_error, n_factors, .. } = &mut self.solution;
         let mut unknowns = Unknowns { radiosity, irradiance, unshot };
         match (&mut self.progress, &self.factors) {
             (Progress::Gathering(matrix, sweep), _) => {
@@ -341,6 +349,12 @@ impl<'a> Radiosity<'a> {
                 let work = shooting.step(system, factors, &mut unknowns, sums);
                 self.n_pairs += work.rows * (system.n() as u64).saturating_sub(1);
                 self.n_exchanges += work.exchanges;
+            }
+            (Progress::Hierarchical(hierarchical), Some(factors)) => {
+                let taken = hierarchical.step(system, factors, &mut unknowns, sums);
+                self.n_pairs += taken.pairs;
+                self.n_exchanges += taken.exchanges;
+                *n_factors = 2 * hierarchical.n_links();
             }
             (Progress::Stochastic(stochastic), _) => {
                 stochastic.step(world, mesh, system, &mut unknowns, sums);
@@ -380,7 +394,7 @@ impl Solver for Radiosity<'_> {
         let record = self.advance(world);
         self.solution.balance = record.balance;
         self.solution.history.records.push(record);
-        self.has_converged = self.stop.is_reached(&record);
+        self.has_converged = self.stop.is_reached(&record) && (self.progress.is_whole() || record.step >= self.stop.steps);
         if self.has_converged {
             return Step::Converged;
         }

@@ -200,6 +200,10 @@ impl Progress {
                 out.number(4)?;
                 stochastic.store(out)
             }
+            Self::Hierarchical(hierarchical) => {
+                out.number(5)?;
+                hierarchical.store(out)
+            }
         }
     }
 
@@ -232,6 +236,10 @@ impl Progress {
                 stochastic.restore(from)?;
                 Self::Stochastic(stochastic)
             }
+            (5, Self::Hierarchical(mut hierarchical)) => {
+                hierarchical.restore(system, from)?;
+                Self::Hierarchical(hierarchical)
+            }
             _ => return Err(wrong("it was being solved by another solver")),
         })
     }
@@ -243,6 +251,12 @@ impl Progress {
             Self::Factors(_, Sweep::GaussSeidel) | Self::Gathering(_, Sweep::GaussSeidel) => "gauss-seidel",
             Self::Shooting(_) => "shooting",
             Self::Stochastic(_) => "stochastic",
+            Self::Hierarchical(_) => "hierarchical",
         }
+    }
+
+    /// The equation is the one to be solved, not a coarser one on the way to it.
+    pub(super) fn is_whole(&self) -> bool {
+        !matches!(self, Self::Hierarchical(hierarchical) if !hierarchical.is_final())
     }
 }

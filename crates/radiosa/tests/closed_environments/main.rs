@@ -9,6 +9,7 @@ use std::f64::consts::PI;
 
 use radiosa::math::{CpuPath, DAffine3, DVec3};
 use radiosa::radiosity::form_factor::{Estimator, Factors, hemisphere, pair};
+use radiosa::radiosity::hierarchical;
 use radiosa::radiosity::matrix::Matrix;
 use radiosa::radiosity::solve::{Solver as Method, Stop, gathering, shooting, stochastic};
 use radiosa::radiosity::system::{System, Unknowns};
@@ -136,6 +137,7 @@ fn deterministic() -> Vec<(&'static str, Method)> {
         ("shooting by power", shooting(shooting::Order::Power)),
         ("shooting by radiosity", shooting(shooting::Order::Radiosity)),
         ("shooting in turn", shooting(shooting::Order::Cyclic)),
+        ("links", Method::Hierarchical(hierarchical::Settings { tolerance: 1e-6, ..Default::default() })),
     ]
 }
 

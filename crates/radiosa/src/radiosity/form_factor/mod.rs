@@ -165,6 +165,39 @@ impl<'a> Factors<'a> {
         Self { mesh, medium, kind }
     }
 
+    /// Exact factors for single pairs out of many elements, without what only pays when all pairs are asked for.
+    pub(super) fn for_links(world: &'a World, mesh: &'a ElementMesh, estimator: &Estimator, medium: Medium) -> Self {
+        let settings = match estimator {
+            Estimator::Analytic(settings) => settings.clone(),
+            _ => pair::Settings::default(),
+        };
+        Self { mesh, medium, kind: Kind::Analytic(Box::new(pair::Pairs::for_links(world, mesh, &settings, medium))) }
+    }
+
+    /// `Σ V K` and `Σ K` along `n` lines between two groups of elements, spread over both.
+    pub(super) fn seen_between(&self, groups: [&[u32]; 2], n: usize, scratch: &mut Scratch) -> [f64; 2] {
+        match &self.kind {
+            Kind::Analytic(pairs) => pairs.seen_between(groups, n, &mut scratch.pair),
+            _ => [1.0; 2],
+        }
+    }
+
+    /// By element: of `n` rays over its hemisphere each meets an element. Nobody knows where surfaces are transparent.
+    pub(super) fn closed(&self, n: u32) -> Vec<bool> {
+        match &self.kind {
+            Kind::Analytic(pairs) => {
+                let is_closed = |i: usize| pairs.is_closed(self.mesh, i as u32, n);
+                (0..self.mesh.elements().len()).into_par_iter().map(is_closed).collect()
+            }
+            _ => vec![false; self.mesh.elements().len()],
+        }
+    }
+
+    /// Nothing can stand between any two elements.
+    pub(super) fn is_convex(&self) -> bool {
+        matches!(&self.kind, Kind::Analytic(pairs) if pairs.is_convex())
+    }
+
     /// What is between them.
     pub fn medium(&self) -> &Medium {
         &self.medium

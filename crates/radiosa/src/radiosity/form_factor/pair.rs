@@ -101,6 +101,13 @@ pub struct Scratch {
 impl<'a> Pairs<'a> {
     /// Prepares the points of every element.
     pub fn new(world: &'a World, mesh: &'a ElementMesh, settings: &Settings, medium: Medium) -> Self {
+        let pairs = Self::for_links(world, mesh, settings, medium);
+        let blocks = if pairs.occluders.is_none() { Blocks::new(pairs.elements, &pairs.visibility) } else { None };
+        Self { blocks, ..pairs }
+    }
+
+    /// The same without knowing which blocks of elements see each other: for who asks for few of the pairs.
+    pub(in crate::radiosity) fn for_links(world: &'a World, mesh: &'a ElementMesh, settings: &Settings, medium: Medium) -> Self {
         let elements = mesh.elements();
         let bound = |e: &Element| {
             let centre = rule::centroid(e);
@@ -117,7 +124,7 @@ impl<'a> Pairs<'a> {
         Self {
             elements,
             clip: settings.clip,
-            blocks: if occluders.is_none() { Blocks::new(elements, &visibility) } else { None },
+            blocks: None,
             occluders,
             visibility,
             medium,
@@ -127,6 +134,24 @@ impl<'a> Pairs<'a> {
             bounds: elements.iter().map(bound).collect(),
             nodes,
         }
+    }
+
+    /// Nothing can stand between any two elements.
+    pub(in crate::radiosity) fn is_convex(&self) -> bool {
+        self.occluders.as_ref().is_some_and(|occluders| occluders.polygons.is_empty())
+    }
+
+    /// `Σ V K` and `Σ K` along `n` lines between two groups of elements, spread over both.
+    pub(in crate::radiosity) fn seen_between(&self, groups: [&[u32]; 2], n: usize, scratch: &mut Scratch) -> [f64; 2] {
+        if self.is_convex() {
+            return [1.0; 2];
+        }
+        self.visibility.seen_between(self.elements, groups, n, &mut scratch.visibility)
+    }
+
+    /// Of `n` rays over the hemisphere of an element each meets an element.
+    pub(in crate::radiosity) fn is_closed(&self, mesh: &ElementMesh, i: u32, n: u32) -> bool {
+        self.elements[i as usize].area > 0.0 && self.visibility.is_closed(mesh, i, n)
     }
 
     /// Shadows are cut out, not sampled.

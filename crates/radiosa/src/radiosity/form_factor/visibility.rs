@@ -9,10 +9,10 @@
 
 use crate::accel::Occluder;
 use crate::math::polygon::clip;
-use crate::math::{DVec3, Ray, Vec3};
+use crate::math::{DVec3, Frame, Ray, Vec3};
 use crate::radiosity::medium::Medium;
 use crate::radiosity::mesh::{self, Element, ElementMesh};
-use crate::sampling::rng;
+use crate::sampling::{rng, sequence, warp};
 use crate::transport::{Passage, World};
 
 pub(super) use crate::radiosity::mesh::POINTS;
@@ -107,6 +107,53 @@ impl<'a> Visibility<'a> {
             }
         }
         false
+    }
+
+    /// Of `n` rays over the hemisphere of an element each meets an element; never where surfaces are transparent.
+    pub(super) fn is_closed(&self, mesh: &ElementMesh, i: u32, n: u32) -> bool {
+        let element = &mesh.elements()[i as usize];
+        if self.world.has_transparency() || !element.normal.is_finite() {
+            return false;
+        }
+        let frame = Frame::from_normal(element.normal.as_vec3());
+        let key = rng::key(&[u64::from(i), 0x636C_6F73_6564]);
+        let mut of = (0..n).filter(|&k| element.exposes(k as usize % POINTS)).peekable();
+        of.peek().is_some()
+            && of.all(|k| {
+                let dir = frame.to_world(warp::cosine_hemisphere(sequence::point_2d(k, key)));
+                let ray = Ray { origin: self.of(i)[k as usize % POINTS], dir, t_max: f32::INFINITY };
+                let hit = self.world.closest_visible(&ray);
+                hit.is_some_and(|(hit, _)| mesh.element_at(&hit, ray.at(hit.t), dir).is_some())
+            })
+    }
+
+    /// `Σ V K` and `Σ K` along `n` lines between two groups of elements, spread over both; K with the areas of the elements at the ends.
+    pub(super) fn seen_between(&self, elements: &[Element], [a, b]: [&[u32]; 2], n: usize, scratch: &mut Scratch) -> [f64; 2] {
+        let turn = (rng::mix(u64::from(a[0]) << 32 | u64::from(b[0])) >> 33) as usize;
+        scratch.lines.rays.clear();
+        scratch.kernel.clear();
+        for k in 0..n {
+            // Strata of either group, those of the second in another order.
+            let (s, t) = (k, (k * 7 + turn) % n);
+            let (i, j) = (a[(2 * s + 1) * a.len() / (2 * n)], b[(2 * t + 1) * b.len() / (2 * n)]);
+            let (s, t) = (k % POINTS, (k ^ turn) % POINTS);
+            let (from, to) = (&elements[i as usize], &elements[j as usize]);
+            let (p, q) = (self.of(i)[s], self.of(j)[t]);
+            let d = q - p;
+            let r2 = d.length_squared();
+            let cosines = from.normal.as_vec3().dot(d).max(0.0) * (-to.normal.as_vec3().dot(d)).max(0.0);
+            let kernel = cosines / (r2 * r2) * (from.area * to.area) as f32;
+            if kernel > 0.0 && kernel.is_finite() && from.exposes(s) && to.exposes(t) {
+                scratch.lines.rays.push(Ray { origin: p, dir: d, t_max: 1.0 });
+                scratch.kernel.push(kernel);
+            }
+        }
+        scratch.lines.trace(self.world);
+        scratch
+            .kernel
+            .iter()
+            .zip(&scratch.lines.passed)
+            .fold([0.0; 2], |[seen, all], (kernel, passed)| [seen + f64::from(*kernel * *passed), all + f64::from(*kernel)])
     }
 
     /// `Σ V K` and `Σ (V K)²` over pairs of points of two elements with their kernels, and `Σ V K e^(−σ r) / Σ V K`.

@@ -19,6 +19,8 @@ pub enum Solver {
     GaussSeidel,
     /// Progressive refinement.
     Shooting(shooting::Settings),
+    /// Links between groups of elements, as coarse as a tolerance allows.
+    Hierarchical(super::hierarchical::Settings),
     /// Rays instead of form factors.
     Stochastic(stochastic::Settings),
 }
