@@ -144,7 +144,8 @@ fn methods_of(option: &str) -> Option<&'static [Method]> {
     Some(match option {
         "interpolation" | "cull" | "tessellation" => &[Scanline],
         "max-depth" | "fresnel" => &[Whitted, Hybrid, Path],
-        "min-weight" | "transparent-shadows" | "samples" => &[Whitted, Hybrid],
+        "samples" => &[Whitted, Hybrid, Path],
+        "min-weight" | "transparent-shadows" => &[Whitted, Hybrid],
         "phong" => &[Path],
         "adaptive" => &[Raycast, Whitted, Radiosity, Hybrid],
         "shadows" => &[Raycast, Whitted, Hybrid],
@@ -462,6 +463,7 @@ fn whitted_settings(stage: &Stage, picture: &Picture, extra_lights: &[Light]) ->
 fn path_settings(stage: &Stage, picture: &Picture, extra_lights: &[Light]) -> path::Settings {
     path::Settings {
         max_depth: picture.max_depth,
+        branches: picture.samples.unwrap_or(path::Settings::default().branches),
         highlights: match picture.phong {
             args::Highlights::Lobe => Highlights::Lobe,
             args::Highlights::None => Highlights::None,

@@ -86,8 +86,7 @@ pub struct Scattered {
 
 impl Scatter {
     /// Of a surface seen along `wo` (unit, to the viewer) whose shading normal on that side is `n`; `entering` tells whether that side is the outside.
-    pub fn new(bsdf: &Bsdf, n: Vec3, wo: Vec3, entering: bool, highlights: Highlights) -> Self {
-        let mut bsdf = *bsdf;
+    pub fn new(mut bsdf: Bsdf, n: Vec3, wo: Vec3, entering: bool, highlights: Highlights) -> Self {
         let rays = bsdf.specular_rays(n, wo, entering);
         let cos_o = n.dot(wo).clamp(0.0, 1.0);
         let mut reflects = Spectrum::BLACK;

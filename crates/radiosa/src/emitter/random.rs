@@ -85,7 +85,16 @@ impl PointSampler {
         Place { tree: self.tree.seen_from(p, n), p }
     }
 
-    /// The density, 1/sr, with which [`Place::draw`] draws a direction from `p` with normal `n` that met a surface; 0 where it never does.
+    /// The point that `u` draws on the surface that `choice` in `[0, 1)` chooses for a place `p` with normal `n`.
+    pub fn draw(&self, p: Vec3, n: Vec3, u: Vec2, choice: f32) -> Option<Drawn<'_>> {
+        let (seen, probability) = self.tree.choose(p, n, f64::from(choice))?;
+        let drawn = seen.draw(p, u)?;
+        let pdf = probability / drawn.share;
+        let (position, target, wi, distance) = (drawn.position, drawn.target, drawn.wi, drawn.distance);
+        (pdf > 0.0 && pdf.is_finite()).then_some(Drawn { surface: seen.surface, position, target, wi, distance, pdf })
+    }
+
+    /// The density, 1/sr, with which [`Self::draw`] draws a direction from `p` with normal `n` that met a surface; 0 where it never does.
     pub fn pdf(&self, p: Vec3, n: Vec3, met: &Met) -> f32 {
         let Some((first, count)) = self.instances.get(met.instance as usize) else { return 0.0 };
         if met.primitive >= *count {
@@ -106,20 +115,11 @@ pub struct Place<'a> {
     p: Vec3,
 }
 
-impl<'a> Place<'a> {
+impl Place<'_> {
     /// What point `i` of the set that `key` names brings, as one of `n_points`: the sum of so many is the light of all surfaces.
     pub fn incident(&self, i: u32, n_points: u32, key: u64) -> Option<Incident> {
         let [u, choice] = sequence::point_4d(i, key);
         let (seen, probability) = self.tree.choose(f64::from(choice.x))?;
         seen.incident(self.p, u, probability * n_points as f32)
-    }
-
-    /// The point that `u` draws on the surface that `choice` in `[0, 1)` chooses.
-    pub fn draw(&self, u: Vec2, choice: f32) -> Option<Drawn<'a>> {
-        let (seen, probability) = self.tree.choose(f64::from(choice))?;
-        let drawn = seen.draw(self.p, u)?;
-        let pdf = probability / drawn.share;
-        let (position, target, wi, distance) = (drawn.position, drawn.target, drawn.wi, drawn.distance);
-        (pdf > 0.0 && pdf.is_finite()).then_some(Drawn { surface: seen.surface, position, target, wi, distance, pdf })
     }
 }

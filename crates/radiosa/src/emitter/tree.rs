@@ -93,6 +93,27 @@ impl Tree {
         &self.surfaces
     }
 
+    /// As [`Place::choose`], for one choice.
+    pub(super) fn choose(&self, p: Vec3, n: Vec3, u: f64) -> Option<(Seen<'_>, f32)> {
+        let nodes = &self.nodes;
+        let mut u = u;
+        let mut probability = 1.0;
+        let mut at = 0;
+        let mut node = nodes.first()?;
+        while node.count == 0 {
+            let (first, second) = (at + 1, node.at as usize);
+            let share = self.share_of_first(at, p, n);
+            if share.is_nan() {
+                return None;
+            }
+            let is_first = u < share;
+            (at, u) = if is_first { (first, u / share) } else { (second, (u - share) / (1.0 - share)) };
+            probability *= if is_first { share } else { 1.0 - share };
+            node = &nodes[at];
+        }
+        self.weigh(node, p, n).choose(u, probability)
+    }
+
     /// Surface `k` of [`Self::surfaces`] as a place with normal `n` sees it, and the probability with which [`Place::choose`] chooses it; `None` where it gives
     /// nothing.
     pub(super) fn probability(&self, k: usize, p: Vec3, n: Vec3) -> Option<(Seen<'_>, f32)> {
@@ -149,23 +170,7 @@ impl<'a> Place<'a> {
         if let Some(only) = &self.only {
             return only.choose(u, 1.0);
         }
-        let (nodes, p, n) = (&self.tree.nodes, self.p, self.n);
-        let mut u = u;
-        let mut probability = 1.0;
-        let mut at = 0;
-        let mut node = nodes.first()?;
-        while node.count == 0 {
-            let (first, second) = (at + 1, node.at as usize);
-            let share = self.tree.share_of_first(at, p, n);
-            if share.is_nan() {
-                return None;
-            }
-            let is_first = u < share;
-            (at, u) = if is_first { (first, u / share) } else { (second, (u - share) / (1.0 - share)) };
-            probability *= if is_first { share } else { 1.0 - share };
-            node = &nodes[at];
-        }
-        self.tree.weigh(node, p, n).choose(u, probability)
+        self.tree.choose(self.p, self.n, u)
     }
 }
 

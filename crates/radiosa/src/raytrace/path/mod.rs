@@ -35,6 +35,8 @@ use walk::Walk;
 pub struct Settings {
     /// How often light is scattered between its source and the eye, at most: 1 is direct light. Without a limit Russian roulette alone ends paths.
     pub max_depth: Option<u32>,
+    /// Paths that go on from what the eye sees, for each camera sample, at least 1: what is lit straight needs fewer samples than what is lit by other surfaces.
+    pub branches: u32,
     /// What the highlights of Phong's model do with light that does not come from delta lights.
     pub highlights: Highlights,
     /// How the constants of mirrors and glass are weighed.
@@ -51,6 +53,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             max_depth: None,
+            branches: 4,
             highlights: Highlights::default(),
             fresnel: Weighing::Material,
             extra_lights: Vec::new(),
@@ -107,8 +110,8 @@ impl PathTracer {
         let of_set = |set: u32| {
             let mut sum = [0.0f64; 3];
             for i in 0..each {
-                let mut stream = Stream::new(key, u64::from(set), u64::from(i));
-                let light = Walk::new(self, world, &mut stream, &mut 0).irradiance_of(surface, n);
+                let stream = Stream::new(key, u64::from(set), u64::from(i));
+                let light = Walk::new(self, world, stream, &mut 0).irradiance_of(surface, n);
                 sum.iter_mut().zip(light.to_array()).for_each(|(sum, v)| *sum += f64::from(v));
             }
             sum.map(|v| v / f64::from(each))
@@ -132,7 +135,7 @@ const SETS: u32 = 32;
 
 impl Integrator for PathTracer {
     fn sample(&self, world: &World, ray: &Ray, stream: &mut Stream, n_rays: &mut u64) -> Pixel {
-        Walk::new(self, world, stream, n_rays).of_camera_ray(ray)
+        Walk::new(self, world, stream.clone(), n_rays).of_camera_ray(ray)
     }
 
     fn branching(&self) -> u32 {
