@@ -12,6 +12,7 @@ use radiosa::hybrid::FinalGather;
 use radiosa::import::Warning;
 use radiosa::measure::{self, Grid, Reading, Sensor, Summary};
 use radiosa::radiosity::{self, gather};
+use radiosa::raytrace::{PathTracer, path};
 use radiosa::sampling::rng;
 use radiosa::scene::Quantity;
 use radiosa::transport::World;
@@ -44,15 +45,16 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
     let mut warnings = Vec::new();
     let mut scene = plan::load(&args.scene, &args.changes, &args.work, &mut warnings)?;
     let without_effect = |option: &&String| match args.method {
-        MeasureMethod::Raycast => *option == "solution" || Radiosity::options().contains(option),
-        MeasureMethod::Radiosity | MeasureMethod::Hybrid => *option == "emitters",
+        MeasureMethod::Raycast => matches!(option.as_str(), "solution" | "spp") || Radiosity::options().contains(option),
+        MeasureMethod::Path => matches!(option.as_str(), "solution" | "emitters") || Radiosity::options().contains(option),
+        MeasureMethod::Radiosity | MeasureMethod::Hybrid => matches!(option.as_str(), "emitters" | "spp"),
     };
     warnings.extend(args.given.iter().filter(without_effect).map(|option| Warning {
         name: "no-effect",
         path: PathBuf::from(&args.scene),
         message: format!("--{option} changes nothing with --method {}", method_name(args.method)),
     }));
-    if args.method != MeasureMethod::Raycast {
+    if matches!(args.method, MeasureMethod::Radiosity | MeasureMethod::Hybrid) {
         radiosity::tessellate(&mut scene, solve::rings(&args.radiosity, args.solution.as_deref())?);
     }
     let world = plan::prepare(scene, &args.work)?;
@@ -66,6 +68,7 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
     }
     let readings = match args.method {
         MeasureMethod::Radiosity | MeasureMethod::Hybrid => by_radiosity(args, &world, &sensors)?,
+        MeasureMethod::Path => by_paths(args, &world, &sensors),
         MeasureMethod::Raycast => {
             let direct = measure::Direct::new(&world, args.emitters);
             sensors.par_iter().map(|sensor| direct.at(&world, sensor)).collect()
@@ -130,6 +133,7 @@ fn method_name(method: MeasureMethod) -> &'static str {
     match method {
         MeasureMethod::Radiosity => "radiosity",
         MeasureMethod::Hybrid => "hybrid",
+        MeasureMethod::Path => "path",
         MeasureMethod::Raycast => "raycast",
     }
 }
@@ -185,6 +189,21 @@ const OF_ONE: [u32; 2] = [4096, 1 << 16];
 
 /// Sensors up to which each looks closely at what is near.
 const DETAILED: usize = 256;
+
+/// Paths of all sensors, about, and of one at most.
+const PATHS: u32 = 1 << 24;
+const PATHS_OF_ONE: u32 = 1 << 18;
+
+fn by_paths(args: &Measure, world: &World, sensors: &[Sensor]) -> Vec<Reading> {
+    let method = PathTracer::new(world, &path::Settings::default());
+    let paths = args.spp.unwrap_or((PATHS / sensors.len() as u32).clamp(1, PATHS_OF_ONE));
+    let at = |(k, sensor): (usize, &Sensor)| {
+        let (surface, n) = sensor.place(world);
+        let (irradiance, standard_error) = method.irradiance(world, &surface, n, paths, rng::key(&[args.seed, k as u64]));
+        Reading { irradiance, standard_error }
+    };
+    sensors.par_iter().enumerate().map(at).collect()
+}
 
 fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec<Reading>, Error> {
     let settings = match args.method {

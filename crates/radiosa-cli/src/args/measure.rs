@@ -41,6 +41,10 @@ pub(crate) struct Measure {
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=64))]
     pub(crate) emitters: u32,
 
+    /// Paths from each sensor (method path) [default: together about 16 million]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 28))]
+    pub(crate) spp: Option<u32>,
+
     /// Seed of every random stream
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
@@ -72,6 +76,8 @@ pub(crate) enum MeasureMethod {
     Radiosity,
     /// The same, gathered once more at every sensor from what is around it by rays, with direct light by random points of lamps
     Hybrid,
+    /// The same by random paths from every sensor, whatever the surfaces are
+    Path,
     /// Light that comes from lamps directly
     Raycast,
 }

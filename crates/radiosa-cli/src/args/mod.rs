@@ -12,7 +12,7 @@ mod value;
 pub(crate) use false_color::{FalseColor, Palette, ScaleKind};
 pub(crate) use measure::{Measure, MeasureMethod};
 pub(crate) use picture::{
-    Cull, Filter, Fresnel, Interpolation, Method, OnOff, Picture, SceneChanges, TextureFilter, ToneMap, Up, Viewer,
+    Cull, Filter, Fresnel, Highlights, Interpolation, Method, OnOff, Picture, SceneChanges, TextureFilter, ToneMap, Up, Viewer,
 };
 pub(crate) use radiosity::{Lamps, Order, Overlay, Radiosity, Show, Solver, Spread};
 pub(crate) use sheet::Sheet;

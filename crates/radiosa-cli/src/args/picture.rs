@@ -24,9 +24,9 @@ pub(crate) struct Picture {
     #[arg(long, value_name = "NAME|INDEX")]
     pub(crate) camera: Option<String>,
 
-    /// Samples a pixel
-    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=65536))]
-    pub(crate) spp: u32,
+    /// Samples a pixel [default: 4, for path tracing 64]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub(crate) spp: Option<u32>,
 
     /// Reconstruction filter
     #[arg(long, value_enum, default_value_t = Filter::Box)]
@@ -48,15 +48,20 @@ pub(crate) struct Picture {
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(2..=1024))]
     pub(crate) tessellation: u32,
 
-    /// Mirrors and glass Whitted ray tracing follows in a row
-    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(0..=64))]
-    pub(crate) max_depth: u32,
+    /// Mirrors and glass Whitted ray tracing follows in a row; for path tracing how often light is scattered on its way, of any surface [default: 12, for path
+    /// tracing no limit]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=64))]
+    pub(crate) max_depth: Option<u32>,
+
+    /// What the classic highlights of Phong's model do with light that does not come from point, spot or distant lights (path tracing)
+    #[arg(long, value_enum, default_value_t = Highlights::Lobe)]
+    pub(crate) phong: Highlights,
 
     /// Whitted ray tracing leaves out a ray of which less than this would reach the picture [default: 1/1024]
     #[arg(long, value_name = "X", default_value_t = 1.0 / 1024.0, value_parser = parse_fraction, hide_default_value = true)]
     pub(crate) min_weight: f32,
 
-    /// Whether Fresnel's equations weigh the constants k_r and k_t in Whitted ray tracing; off: they are taken as they are, and glass with k_r + k_t above 1
+    /// Whether Fresnel's equations weigh the constants k_r and k_t of mirrors and glass; off: they are taken as they are, and glass with k_r + k_t above 1
     /// makes light
     #[arg(long, value_enum, default_value_t = Fresnel::Material)]
     pub(crate) fresnel: Fresnel,
@@ -134,6 +139,13 @@ pub(crate) struct Picture {
     pub(crate) cache: f32,
 }
 
+impl Picture {
+    /// How many samples a pixel has, where their number is fixed.
+    pub(crate) fn samples_a_pixel(&self) -> u32 {
+        self.spp.unwrap_or(if self.method == Method::Path { 64 } else { 4 })
+    }
+}
+
 /// What is changed in a scene, whatever is then done with it.
 #[derive(Args, Clone, Debug, PartialEq)]
 #[command(next_help_heading = "The scene")]
@@ -183,6 +195,8 @@ pub(crate) enum Method {
     Radiosity,
     /// Radiosity gathered once more at every pixel; direct light, mirrors and glass by ray tracing
     Hybrid,
+    /// The whole rendering equation by random paths: right for everything, with noise that --spp lowers
+    Path,
     /// Faces projected, scan converted and z-buffered; local reflection models, no shadows
     Scanline,
 }
@@ -193,6 +207,14 @@ pub(crate) enum Fresnel {
     Material,
     On,
     Off,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Highlights {
+    /// Reflect it by a normalised lobe of the same exponent
+    Lobe,
+    /// Nothing
+    None,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,13 +2,14 @@
 
 use std::time::{Duration, Instant};
 
+use radiosa::bsdf::Highlights;
 use radiosa::emitter::EnvironmentShadows;
 use radiosa::film::{self, Film, Layer, Pixel};
 use radiosa::hybrid::{self, Hybrid};
 use radiosa::math::Ray;
 use radiosa::radiosity::display::{self, Display};
 use radiosa::radiosity::{Solution, lines};
-use radiosa::raytrace::{RayCast, Whitted, adaptive, ray_cast, tiles, whitted};
+use radiosa::raytrace::{PathTracer, RayCast, Whitted, adaptive, path, ray_cast, tiles, whitted};
 use radiosa::sampling::Stream;
 use radiosa::scanline::{self, ScanLine};
 use radiosa::scene::{Light, Material, Model};
@@ -70,25 +71,26 @@ impl Choice {
             Method::Scanline => "scanline",
             Method::Radiosity => "radiosity",
             Method::Hybrid => "hybrid",
+            Method::Path => "path",
         }
     }
 
     /// It knows the light between surfaces.
     pub(crate) fn solves(self) -> bool {
-        matches!(self.method, Method::Radiosity | Method::Hybrid)
+        matches!(self.method, Method::Radiosity | Method::Hybrid | Method::Path)
     }
 
     /// What its work is counted in.
     pub(crate) fn unit(self) -> &'static str {
         match self.method {
-            Method::Auto | Method::Raycast | Method::Whitted | Method::Radiosity | Method::Hybrid => "rays",
+            Method::Auto | Method::Raycast | Method::Whitted | Method::Radiosity | Method::Hybrid | Method::Path => "rays",
             Method::Scanline => "triangles",
         }
     }
 
     /// The threshold of adaptive samples, where a picture has them.
     pub(crate) fn adaptive(self, picture: &Picture) -> Option<f32> {
-        picture.adaptive.filter(|_| self.method != Method::Scanline)
+        picture.adaptive.filter(|_| !matches!(self.method, Method::Scanline | Method::Path))
     }
 
     /// What drawing takes beside the prepared scene and the film, bytes.
@@ -124,7 +126,7 @@ impl Choice {
 
     /// A material that `--fresnel off` makes reflect and pass more than it receives, and its `k_r + k_t`.
     fn unweighed(self, picture: &Picture, world: &World) -> Option<(String, f32)> {
-        if picture.fresnel != args::Fresnel::Off || !matches!(self.method, Method::Whitted | Method::Hybrid) {
+        if picture.fresnel != args::Fresnel::Off || !matches!(self.method, Method::Whitted | Method::Hybrid | Method::Path) {
             return None;
         }
         world.scene().materials.iter().find_map(|material| match &material.model {
@@ -139,10 +141,13 @@ impl Choice {
 
 /// The methods that look at an option, where that is not all of them.
 fn methods_of(option: &str) -> Option<&'static [Method]> {
-    use Method::{Hybrid, Radiosity, Raycast, Scanline, Whitted};
+    use Method::{Hybrid, Path, Radiosity, Raycast, Scanline, Whitted};
     Some(match option {
         "interpolation" | "cull" | "tessellation" => &[Scanline],
-        "max-depth" | "min-weight" | "fresnel" | "transparent-shadows" | "samples" => &[Whitted, Hybrid],
+        "max-depth" | "fresnel" => &[Whitted, Hybrid, Path],
+        "samples" => &[Whitted, Hybrid, Path],
+        "min-weight" | "transparent-shadows" => &[Whitted, Hybrid],
+        "phong" => &[Path],
         "adaptive" => &[Raycast, Whitted, Radiosity, Hybrid],
         "shadows" => &[Raycast, Whitted, Hybrid],
         "environment-shadows" => &[Raycast, Whitted],
@@ -172,7 +177,7 @@ pub(crate) struct Lighting {
 
 /// Ray casting or recursive ray tracing.
 enum Traced {
-    RayCast(RayCast),
+    RayCast(Box<RayCast>),
     Whitted(Box<Whitted>),
 }
 
@@ -189,7 +194,7 @@ impl Traced {
             extra_lights: extra_lights.to_vec(),
             footprint: footprint(stage, picture),
         };
-        Self::RayCast(RayCast::new(world, &settings, forward))
+        Self::RayCast(Box::new(RayCast::new(world, &settings, forward)))
     }
 
     fn lights(&self) -> &transport::Lights {
@@ -219,8 +224,9 @@ impl Integrator for Traced {
 impl Lighting {
     fn new(stage: &Stage, picture: &Picture, choice: Choice, extra_lights: Vec<Light>) -> Self {
         let traced = Traced::new(stage, picture, choice, &extra_lights);
-        let coarse = (traced.branching() > 1 || picture.max_depth > COARSE_DEPTH).then(|| {
-            let coarse = Picture { samples: None, max_depth: picture.max_depth.min(COARSE_DEPTH), ..picture.clone() };
+        let coarse = (traced.branching() > 1 || picture.max_depth.is_some_and(|depth| depth > COARSE_DEPTH)).then(|| {
+            let coarse =
+                Picture { samples: None, max_depth: picture.max_depth.map(|depth| depth.min(COARSE_DEPTH)), ..picture.clone() };
             Traced::new(stage, &coarse, choice, &extra_lights)
         });
         Self { extra_lights, traced, coarse, is_default: false, warnings: Vec::new() }
@@ -334,6 +340,12 @@ pub(crate) fn draw(
             let lines = overlay(stage, picture, solved_in, &solution);
             Ok(Drawing { done: drawing.done.min(solved).min(filled), count: drawing.count + n_rays, lines, ..drawing })
         }
+        Method::Path => {
+            let method = PathTracer::new(world, &path_settings(stage, picture, &lighting.extra_lights));
+            let mut render = tiles::TiledRender::new(&method, view, sampling)?;
+            let done = watch.run(&mut render, world, tiles::TiledRender::n_rays);
+            Ok(Drawing { done, count: render.n_rays(), film: render.into_film(), lines: None })
+        }
         Method::Scanline => {
             let settings = scanline_settings(picture, &lighting.extra_lights);
             let mut render = ScanLine::new(world, view, &settings, sampling)?;
@@ -430,7 +442,7 @@ fn sampling(stage: &Stage, picture: &Picture, layers: &[Layer]) -> film::Samplin
     film::Sampling {
         width: stage.size.width,
         height: stage.size.height,
-        spp: picture.spp,
+        spp: picture.samples_a_pixel(),
         filter: match picture.filter {
             args::Filter::Box => film::Filter::Box,
             args::Filter::Tent => film::Filter::Tent,
@@ -447,19 +459,38 @@ fn whitted_settings(stage: &Stage, picture: &Picture, extra_lights: &[Light]) ->
     whitted::Settings {
         shadows: picture.shadows == OnOff::On,
         transparent_shadows: picture.transparent_shadows == OnOff::On,
-        max_depth: picture.max_depth,
+        max_depth: picture.max_depth.unwrap_or(whitted::Settings::default().max_depth),
         min_weight: picture.min_weight,
-        fresnel: match picture.fresnel {
-            args::Fresnel::Material => whitted::Fresnel::Material,
-            args::Fresnel::On => whitted::Fresnel::On,
-            args::Fresnel::Off => whitted::Fresnel::Off,
-        },
+        fresnel: weighing(picture),
         samples: picture.samples.unwrap_or(0),
         lights: light_settings(picture),
         viewer: viewer(picture),
         extra_lights: extra_lights.to_vec(),
         footprint: footprint(stage, picture),
         eye: Some(stage.view.eye()),
+    }
+}
+
+fn path_settings(stage: &Stage, picture: &Picture, extra_lights: &[Light]) -> path::Settings {
+    path::Settings {
+        max_depth: picture.max_depth,
+        branches: picture.samples.unwrap_or(path::Settings::default().branches),
+        highlights: match picture.phong {
+            args::Highlights::Lobe => Highlights::Lobe,
+            args::Highlights::None => Highlights::None,
+        },
+        fresnel: weighing(picture),
+        extra_lights: extra_lights.to_vec(),
+        footprint: footprint(stage, picture),
+        eye: Some(stage.view.eye()),
+    }
+}
+
+fn weighing(picture: &Picture) -> whitted::Fresnel {
+    match picture.fresnel {
+        args::Fresnel::Material => whitted::Fresnel::Material,
+        args::Fresnel::On => whitted::Fresnel::On,
+        args::Fresnel::Off => whitted::Fresnel::Off,
     }
 }
 
@@ -490,7 +521,7 @@ fn scanline_settings(picture: &Picture, extra_lights: &[Light]) -> scanline::Set
 
 /// How wide a camera sample is; corners of pixels, when sampled adaptively, are as wide as pixels.
 fn footprint(stage: &Stage, picture: &Picture) -> transport::Footprint {
-    stage.view.footprint(if picture.adaptive.is_some() { 1 } else { picture.spp })
+    stage.view.footprint(if picture.adaptive.is_some() { 1 } else { picture.samples_a_pixel() })
 }
 
 fn light_settings(picture: &Picture) -> transport::LightSettings {

@@ -138,7 +138,7 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
             "why": choice.why,
             "camera": stage.camera.name,
             "size": [stage.size.width, stage.size.height],
-            "spp": choice.adaptive(picture).is_none().then_some(picture.spp),
+            "spp": choice.adaptive(picture).is_none().then_some(picture.samples_a_pixel()),
             "adaptive": choice.adaptive(picture),
             "seed": picture.seed,
             "cpu_path": world.cpu_path().to_string(),

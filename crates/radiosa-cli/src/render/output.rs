@@ -85,7 +85,7 @@ pub(crate) fn recipe(scene: &str, picture: &Picture, stage: &Stage, choice: Choi
 
 /// How many samples a pixel has, in words.
 pub(crate) fn samples(picture: &Picture, choice: Choice) -> String {
-    choice.adaptive(picture).map_or_else(|| picture.spp.to_string(), |threshold| format!("adaptive ({threshold})"))
+    choice.adaptive(picture).map_or_else(|| picture.samples_a_pixel().to_string(), |threshold| format!("adaptive ({threshold})"))
 }
 
 /// A word of a command line, quoted where a shell would split it.

@@ -226,7 +226,7 @@ mod tests {
         for change in Axis::parse("ambient=[0.1,0.2,0.3]", None).expect("known").entries[0].changes.iter() {
             change.apply(&mut cell).expect("it fits");
         }
-        assert_eq!((cell.picture.spp, cell.picture.seed, cell.picture.scene.ambient), (9, 3, Some([0.1, 0.2, 0.3])));
+        assert_eq!((cell.picture.spp, cell.picture.seed, cell.picture.scene.ambient), (Some(9), 3, Some([0.1, 0.2, 0.3])));
         let wrong = Change::new("spp", "many").expect("known");
         assert!(wrong.apply(&mut cell).is_err());
     }

@@ -104,7 +104,7 @@ impl MetallicRoughness {
     }
 
     /// The coat's and the metal's reflectance together under `cos_h = v·h`.
-    fn facet(&self, cos_h: f32) -> Spectrum {
+    pub(super) fn facet(&self, cos_h: f32) -> Spectrum {
         fresnel::schlick(cos_h, self.f0) * ((1.0 - self.metallic) * self.specular)
             + fresnel::schlick(cos_h, self.base_color) * self.metallic
     }

@@ -96,6 +96,37 @@ pub fn sample_d(distribution: Distribution, alpha: f32, u: Vec2) -> Vec3 {
     Vec3::new(sin * function::cos(phi), sin * function::sin(phi), cos)
 }
 
+/// A facet normal around +z by how much of it a viewer in the local direction `wo` (`wo.z > 0`) sees; the density is [`sample_visible_pdf`].
+///
+/// GGX by `D_v`, the normals that Smith's masking leaves visible, as caps of a sphere [Dupuy23]; Beckmann by `D(h)(n·h)`, as [`sample_d`].
+pub fn sample_visible(distribution: Distribution, alpha: f32, wo: Vec3, u: Vec2) -> Vec3 {
+    if distribution == Distribution::Beckmann {
+        return sample_d(distribution, alpha, u);
+    }
+    // Seen in the space where the ellipsoid of GGX is the unit sphere.
+    let v = Vec3::new(alpha * wo.x, alpha * wo.y, wo.z).normalize();
+    let phi = 2.0 * PI * u.x;
+    // (1 − u)(1 + v_z) − v_z, and 1 − z² without cancellation near the pole.
+    let down = u.y * (1.0 + v.z);
+    let (z, sin) = (1.0 - down, (down * (2.0 - down)).max(0.0).sqrt());
+    let h = Vec3::new(sin * function::cos(phi), sin * function::sin(phi), z) + v;
+    Vec3::new(alpha * h.x, alpha * h.y, h.z.max(0.0)).normalize_or(Vec3::Z)
+}
+
+/// The density of [`sample_visible`], 1/sr of the facet normal: `D_v = G₁ D (v·h)/(n·v)` for GGX, `D (n·h)` for Beckmann.
+pub fn sample_visible_pdf(distribution: Distribution, alpha: f32, angles: &Angles) -> f32 {
+    let density = d(distribution, alpha, angles);
+    match distribution {
+        Distribution::Beckmann => density * angles.n_h,
+        Distribution::Ggx => {
+            // G₁/(n·v) = 2/(n·v + √(α² + (1 − α²)(n·v)²)).
+            let n_v = angles.n_v;
+            let root = (n_v * n_v + alpha * alpha * ((1.0 - n_v) * (1.0 + n_v)).max(0.0)).sqrt();
+            density * 2.0 * angles.v_h / (n_v + root)
+        }
+    }
+}
+
 /// `G/((n·l)(n·v))`: shadowing and masking together with the cosines they tame, finite wherever the quotient is.
 pub fn g_over_cosines(shadowing: Shadowing, distribution: Distribution, alpha: f32, angles: &Angles) -> f32 {
     let Angles { n_l, n_v, n_h, v_h, .. } = *angles;

@@ -22,6 +22,7 @@ pub mod metallic_roughness;
 pub mod microfacet;
 pub mod mirror;
 pub mod phong;
+pub mod scatter;
 pub mod texture;
 
 use crate::math::{Frame, Vec2, Vec3};
@@ -31,6 +32,7 @@ use crate::spectrum::Spectrum;
 use fresnel::Weighing;
 
 pub use dielectric::{SpecularRays, Transmission};
+pub use scatter::{Highlights, Scatter, Scattered, Way};
 
 /// Reads textures and vertex colours at one point of a surface.
 pub trait Lookup {

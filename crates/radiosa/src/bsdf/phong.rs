@@ -130,7 +130,19 @@ pub fn lafortune(k_s: Spectrum, n: Vec3, wo: Vec3, wi: Vec3, exponent: f32) -> S
     if n.dot(wi) <= 0.0 || n.dot(wo) <= 0.0 {
         return Spectrum::BLACK;
     }
-    k_s * ((exponent + 2.0) / (2.0 * PI) * phong_lobe(n, wo, wi, exponent))
+    k_s * (normalisation(PhongLobe::Phong, exponent) * phong_lobe(n, wo, wi, exponent))
+}
+
+/// What a lobe is multiplied by so that it reflects all light of normal incidence, and less of other: `(n + 2)/(2π)` about the mirror direction
+/// [Lafortune94], `(n + 2)(n + 4)/(8π (2^(−n/2) + n))` about the halfway vector.
+pub fn normalisation(lobe: PhongLobe, exponent: f32) -> f32 {
+    match lobe {
+        PhongLobe::Phong => (exponent + 2.0) / (2.0 * PI),
+        PhongLobe::BlinnPhong => {
+            let below = 8.0 * PI * (function::pow(2.0, -0.5 * exponent) + exponent);
+            (exponent + 2.0) * (exponent + 4.0) / below
+        }
+    }
 }
 
 /// `x^exponent`, zero for `x ≤ 0` even when the exponent is zero.

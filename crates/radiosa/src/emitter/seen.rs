@@ -113,10 +113,23 @@ impl<'a> Seen<'a> {
 
     /// What a point drawn by `u` brings to `p` where each point stands for `1/density` of them: `E_⊥` such that its mean is the irradiance.
     pub(super) fn incident(&self, p: Vec3, u: Vec2, density: f32) -> Option<Incident> {
-        let radiance = self.surface.radiance;
+        let drawn = self.draw(p, u)?;
+        let irradiance = self.surface.radiance * (drawn.share / density);
+        irradiance.is_finite().then_some(Incident {
+            wi: drawn.wi,
+            distance: drawn.distance,
+            target: Some(drawn.target),
+            diffuse: irradiance,
+            specular: irradiance,
+            casts_shadow: true,
+        })
+    }
+
+    /// The point drawn by `u`.
+    pub(super) fn draw(&self, p: Vec3, u: Vec2) -> Option<Drawn> {
         let (position, normal, wi, distance, share) = match (&self.how, &self.surface.shape) {
             (How::Triangle { solid_angle, cos }, EmissiveShape::Triangle(corners)) => {
-                let (u, pdf) = warp::bilinear([cos[1], cos[1], cos[0], cos[2]], u);
+                let (u, pdf) = warp::bilinear(bilinear_corners(cos), u);
                 let (wi, distance) = on_spherical_triangle(corners, p, f64::from(*solid_angle), u)?;
                 let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
                 (p + wi * distance, normal, wi, distance, solid_angle / pdf)
@@ -141,22 +154,61 @@ impl<'a> Seen<'a> {
                 let to_light = position - p;
                 let distance = to_light.length();
                 let wi = to_light / distance;
-                let cos = -normal.dot(wi);
-                let cos = if self.surface.two_sided { cos.abs() } else { cos };
-                if cos.is_nan() || cos <= 0.0 {
-                    return None;
-                }
-                (position, normal, wi, distance, area * cos / distance / distance)
+                (position, normal, wi, distance, self.share_by_area(normal, area, wi, distance)?)
             }
         };
-        let irradiance = radiance * (share / density);
-        irradiance.is_finite().then(|| {
-            // A few roundings lead from the surface's vertices to the point; the ray's end stays clear of them.
-            let clear = normal * (position.abs().max_element() * gamma(16));
-            let target = if normal.dot(wi) < 0.0 { position + clear } else { position - clear };
-            Incident { wi, distance, target: Some(target), diffuse: irradiance, specular: irradiance, casts_shadow: true }
-        })
+        // A few roundings lead from the surface's vertices to the point; the ray's end stays clear of them.
+        let clear = normal * (position.abs().max_element() * gamma(16));
+        let target = if normal.dot(wi) < 0.0 { position + clear } else { position - clear };
+        share.is_finite().then_some(Drawn { position, target, wi, distance, share })
     }
+
+    /// Solid angle over density of a point drawn by area: `A cosθ′/d²`; `None` where it shines away.
+    fn share_by_area(&self, normal: Vec3, area: f32, wi: Vec3, distance: f32) -> Option<f32> {
+        let cos = -normal.dot(wi);
+        let cos = if self.surface.two_sided { cos.abs() } else { cos };
+        (cos > 0.0).then(|| area * cos / distance / distance)
+    }
+
+    /// The density, 1/sr, with which [`Self::draw`] draws the direction `wi` from `p`, which meets the surface after `distance`, at `local` of its own
+    /// coordinates where it is a sphere.
+    pub(super) fn pdf(&self, p: Vec3, wi: Vec3, distance: f32, local: Vec3) -> f32 {
+        match (&self.how, &self.surface.shape) {
+            (How::Triangle { solid_angle, cos }, EmissiveShape::Triangle(corners)) => {
+                let u = of_spherical_triangle(corners, p, f64::from(*solid_angle), wi);
+                warp::bilinear_pdf(bilinear_corners(cos), u) / solid_angle
+            }
+            (How::Sphere { one_minus_cos, .. }, _) => 1.0 / (TAU * one_minus_cos),
+            (_, shape) => {
+                let (normal, area) = match shape {
+                    EmissiveShape::Triangle(_) | EmissiveShape::Disc(_) => {
+                        let (_, normal, area) = on_shape(shape, Vec2::splat(0.5));
+                        (normal, area)
+                    }
+                    EmissiveShape::Sphere(m) => at_local(m, local),
+                };
+                self.share_by_area(normal, area, wi, distance).map_or(0.0, |share| 1.0 / share)
+            }
+        }
+    }
+}
+
+/// A point on an emissive surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Drawn {
+    pub(super) position: Vec3,
+    /// Where a shadow ray ends: just in front of it.
+    pub(super) target: Vec3,
+    /// Unit, to the point.
+    pub(super) wi: Vec3,
+    pub(super) distance: f32,
+    /// `1/p_ω`, sr.
+    pub(super) share: f32,
+}
+
+/// The cosines at the corners of a triangle as the corners of the square that [`on_spherical_triangle`] maps onto it.
+fn bilinear_corners(cos: &[f32; 3]) -> [f32; 4] {
+    [cos[1], cos[1], cos[0], cos[2]]
 }
 
 /// Centre, radius of the ball around it, and whether it is round.
@@ -195,6 +247,19 @@ fn on_spherical_triangle(corners: &[Vec3; 3], p: Vec3, solid_angle: f64, u: Vec2
     (distance > 0.0 && distance.is_finite()).then(|| (wi.as_vec3(), distance as f32))
 }
 
+/// The inverse of [`on_spherical_triangle`] for a direction that meets the triangle.
+fn of_spherical_triangle(corners: &[Vec3; 3], p: Vec3, solid_angle: f64, wi: Vec3) -> Vec2 {
+    let [a, b, c] = corners.map(|corner| (corner.as_dvec3() - p.as_dvec3()).normalize());
+    let w = wi.as_dvec3();
+    // Where the arc from the second corner through the direction meets the far edge.
+    let end = b.cross(w).cross(c.cross(a)).normalize_or_zero();
+    let end = if end.dot(a + c) < 0.0 { -end } else { end };
+    let part = 2.0 * function::atan2_f64(a.dot(b.cross(end)).abs(), 1.0 + a.dot(b) + b.dot(end) + a.dot(end));
+    let along = (1.0 - w.dot(b)) / (1.0 - end.dot(b));
+    let unit = |x: f64| if x.is_finite() { x.clamp(0.0, 1.0) as f32 } else { 0.0 };
+    Vec2::new(unit(part / solid_angle), unit(along))
+}
+
 /// A point of a shape, its normal, and the area over its density.
 fn on_shape(shape: &EmissiveShape, u: Vec2) -> (Vec3, Vec3, f32) {
     match shape {
@@ -205,10 +270,8 @@ fn on_shape(shape: &EmissiveShape, u: Vec2) -> (Vec3, Vec3, f32) {
         }
         EmissiveShape::Sphere(m) => {
             let local = warp::uniform_sphere(u);
-            // dA of the image is |N local| dA of the unit sphere.
-            let scaled = normal_map(m) * local.as_dvec3();
-            let area = 4.0 * std::f64::consts::PI * scaled.length();
-            (m.transform_point3(local), scaled.normalize_or_zero().as_vec3(), area as f32)
+            let (normal, area) = at_local(m, local);
+            (m.transform_point3(local), normal, area)
         }
         EmissiveShape::Disc(m) => {
             let p = warp::uniform_disc(u);
@@ -217,6 +280,13 @@ fn on_shape(shape: &EmissiveShape, u: Vec2) -> (Vec3, Vec3, f32) {
             (m.transform_point3(Vec3::new(p.x, 0.0, p.y)), scaled.normalize_or_zero().as_vec3(), area as f32)
         }
     }
+}
+
+/// The normal of a sphere's image at a local point, and the area over the density of uniform points there.
+fn at_local(m: &Affine3A, local: Vec3) -> (Vec3, f32) {
+    // dA of the image is |N local| dA of the unit sphere.
+    let scaled = normal_map(m) * local.as_dvec3();
+    (scaled.normalize_or_zero().as_vec3(), (4.0 * std::f64::consts::PI * scaled.length()) as f32)
 }
 
 #[cfg(test)]
@@ -300,6 +370,66 @@ mod tests {
             }
         }
         assert!(beyond_the_horizon >= 6, "the twin without a horizon is caught {beyond_the_horizon} times");
+    }
+
+    /// `∫ p(ω) dω` over the directions that meet the surface from `p`, by the midpoint rule over the surface, and how far `p` is from what points were drawn by.
+    fn density_integral(s: &EmissiveSurface, p: Vec3, n: Vec3) -> (f64, f64) {
+        const N: u32 = 400;
+        let Some(seen) = Seen::new(s, p, n) else { return (1.0, 0.0) };
+        let (mut sum, mut off) = (0.0, 0.0f64);
+        let local = |position: Vec3| match &s.shape {
+            EmissiveShape::Sphere(m) => m.inverse().transform_point3(position).normalize(),
+            _ => Vec3::ZERO,
+        };
+        for i in 0..N * N {
+            let u = Vec2::new(((i % N) as f32 + 0.5) / N as f32, ((i / N) as f32 + 0.5) / N as f32);
+            let (position, normal, area) = on_shape(&s.shape, u);
+            let d = (position - p).as_dvec3();
+            let cos_out = -d.dot(normal.as_dvec3()) / d.length();
+            let cos_out = if s.two_sided { cos_out.abs() } else { cos_out.max(0.0) };
+            if cos_out > 0.0 {
+                let pdf = seen.pdf(p, d.normalize().as_vec3(), d.length() as f32, local(position));
+                sum += f64::from(pdf) * f64::from(area) * cos_out / d.length_squared() / f64::from(N * N);
+            }
+            if let Some(drawn) = seen.draw(p, u).filter(|_| i % 97 == 0) {
+                let pdf = seen.pdf(p, drawn.wi, drawn.distance, local(drawn.position));
+                off = off.max((f64::from(pdf) * f64::from(drawn.share) - 1.0).abs());
+            }
+        }
+        (sum, off)
+    }
+
+    #[test]
+    fn densities_are_those_points_are_drawn_with_and_integrate_to_one() {
+        let triangle = EmissiveShape::Triangle([Vec3::new(-1.0, -0.5, 1.0), Vec3::new(0.3, 1.5, 1.2), Vec3::new(1.0, -0.8, 0.9)]);
+        let ball = EmissiveShape::Sphere(Affine3A::from_mat3_translation(
+            Mat3::from_diagonal(Vec3::splat(0.7)),
+            Vec3::new(0.2, -0.1, 1.5),
+        ));
+        let egg = EmissiveShape::Sphere(Affine3A::from_mat3_translation(
+            Mat3::from_diagonal(Vec3::new(0.3, 0.9, 0.5)),
+            Vec3::new(0.2, -0.1, 1.5),
+        ));
+        let disc = EmissiveShape::Disc(Affine3A::from_mat3_translation(
+            Mat3::from_cols(Vec3::new(0.8, 0.0, 0.2), Vec3::new(-0.2, 0.0, -1.0), Vec3::new(0.0, -0.9, 0.1)),
+            Vec3::new(0.2, -0.1, 1.5),
+        ));
+        for (name, shape, two_sided) in
+            [("triangle", triangle, true), ("ball", ball, false), ("egg", egg, true), ("disc", disc, true)]
+        {
+            for n in [Vec3::Z, Vec3::new(0.8, 0.0, 0.6)] {
+                let (integral, off) = density_integral(&surface(shape, two_sided), Vec3::ZERO, n);
+                assert!((integral - 1.0).abs() < 5e-3 && off < 2e-3, "{name}, {n}: {integral}, off by {off}");
+                // The twin: half as large a surface has not the same density.
+                let EmissiveShape::Triangle(corners) = shape else { continue };
+                let half = surface(EmissiveShape::Triangle([corners[0], corners[1], corners[2].midpoint(corners[0])]), two_sided);
+                let seen = Seen::new(&half, Vec3::ZERO, n).expect("it is seen");
+                let wi = (corners[0] + corners[1]).normalize();
+                let own =
+                    Seen::new(&surface(shape, two_sided), Vec3::ZERO, n).map_or(0.0, |s| s.pdf(Vec3::ZERO, wi, 1.0, Vec3::ZERO));
+                assert!((seen.pdf(Vec3::ZERO, wi, 1.0, Vec3::ZERO) / own - 1.0).abs() > 0.3);
+            }
+        }
     }
 
     #[test]

@@ -27,6 +27,10 @@ pub(super) struct Tree {
     nodes: Vec<Node>,
     /// In the order of the leaves.
     surfaces: Vec<EmissiveSurface>,
+    /// Of each surface its leaf.
+    leaves: Vec<u32>,
+    /// Of each node the one above; the root's own is 0.
+    parents: Vec<u32>,
 }
 
 #[derive(Clone, Debug)]
@@ -72,7 +76,67 @@ impl Tree {
         if !leaves.is_empty() {
             grow(&mut leaves, 0, &mut nodes);
         }
-        Self { nodes, surfaces: leaves.iter().map(|leaf| surfaces[leaf.index]).collect() }
+        let surfaces: Vec<_> = leaves.iter().map(|leaf| surfaces[leaf.index]).collect();
+        let (mut leaf_of, mut parents) = (vec![0; surfaces.len()], vec![0; nodes.len()]);
+        for (i, node) in nodes.iter().enumerate() {
+            if node.count > 0 {
+                leaf_of[node.at as usize..][..node.count as usize].fill(i as u32);
+            } else {
+                (parents[i + 1], parents[node.at as usize]) = (i as u32, i as u32);
+            }
+        }
+        Self { nodes, surfaces, leaves: leaf_of, parents }
+    }
+
+    /// In the order of the leaves.
+    pub(super) fn surfaces(&self) -> &[EmissiveSurface] {
+        &self.surfaces
+    }
+
+    /// As [`Place::choose`], for one choice.
+    pub(super) fn choose(&self, p: Vec3, n: Vec3, u: f64) -> Option<(Seen<'_>, f32)> {
+        let nodes = &self.nodes;
+        let mut u = u;
+        let mut probability = 1.0;
+        let mut at = 0;
+        let mut node = nodes.first()?;
+        while node.count == 0 {
+            let (first, second) = (at + 1, node.at as usize);
+            let share = self.share_of_first(at, p, n);
+            if share.is_nan() {
+                return None;
+            }
+            let is_first = u < share;
+            (at, u) = if is_first { (first, u / share) } else { (second, (u - share) / (1.0 - share)) };
+            probability *= if is_first { share } else { 1.0 - share };
+            node = &nodes[at];
+        }
+        self.weigh(node, p, n).choose(u, probability)
+    }
+
+    /// Surface `k` of [`Self::surfaces`] as a place with normal `n` sees it, and the probability with which [`Place::choose`] chooses it; `None` where it gives
+    /// nothing.
+    pub(super) fn probability(&self, k: usize, p: Vec3, n: Vec3) -> Option<(Seen<'_>, f32)> {
+        let mut at = self.leaves[k] as usize;
+        let leaf = &self.nodes[at];
+        let weighed = self.weigh(leaf, p, n);
+        let seen = weighed.seen[k - leaf.at as usize]?;
+        let mut probability = f64::from(seen.importance) / weighed.sum;
+        while at != 0 {
+            let parent = self.parents[at] as usize;
+            let is_first = at == parent + 1;
+            let share = self.share_of_first(parent, p, n);
+            probability *= if is_first { share } else { 1.0 - share };
+            at = parent;
+        }
+        (probability > 0.0).then_some((seen, probability as f32))
+    }
+
+    /// The probability that the way down from an inner node takes its first child; not a number where neither gives light.
+    fn share_of_first(&self, node: usize, p: Vec3, n: Vec3) -> f64 {
+        let (first, second) = (node + 1, self.nodes[node].at as usize);
+        let (a, b) = (self.nodes[first].reach.importance(p, n), self.nodes[second].reach.importance(p, n));
+        f64::from(a) / (f64::from(a) + f64::from(b))
     }
 
     /// As a place with normal `n` sees it.
@@ -106,24 +170,7 @@ impl<'a> Place<'a> {
         if let Some(only) = &self.only {
             return only.choose(u, 1.0);
         }
-        let (nodes, p, n) = (&self.tree.nodes, self.p, self.n);
-        let mut u = u;
-        let mut probability = 1.0;
-        let mut at = 0;
-        let mut node = nodes.first()?;
-        while node.count == 0 {
-            let (first, second) = (at + 1, node.at as usize);
-            let (a, b) = (nodes[first].reach.importance(p, n), nodes[second].reach.importance(p, n));
-            let share = f64::from(a) / (f64::from(a) + f64::from(b));
-            if share.is_nan() {
-                return None;
-            }
-            let is_first = u < share;
-            (at, u) = if is_first { (first, u / share) } else { (second, (u - share) / (1.0 - share)) };
-            probability *= if is_first { share } else { 1.0 - share };
-            node = &nodes[at];
-        }
-        self.tree.weigh(node, p, n).choose(u, probability)
+        self.tree.choose(self.p, self.n, u)
     }
 }
 
@@ -338,6 +385,26 @@ mod tests {
                 }
                 let dead: f64 = 1.0 - found.values().map(|f| f.0).sum::<f64>();
                 assert!(size < 60 || dead < 0.5, "{size}: {dead} chooses nothing");
+            }
+        }
+    }
+
+    #[test]
+    fn the_probability_of_a_surface_is_that_with_which_it_is_chosen() {
+        let mut stream = Stream::new(5, 0, 0);
+        for size in [1, 5, 7, 60, 500] {
+            let tree = Tree::new(&random(&mut stream, size));
+            for _ in 0..5 {
+                let p = Vec3::new(stream.next_f32(), stream.next_f32(), stream.next_f32());
+                let n = Vec3::new(stream.next_f32() - 0.5, stream.next_f32() - 0.5, 0.3).normalize();
+                let found = chosen(&tree, p, n, 20_000);
+                for (k, surface) in tree.surfaces().iter().enumerate() {
+                    let asked = tree.probability(k, p, n).map_or(0.0, |(_, probability)| f64::from(probability));
+                    match found.get(&surface.primitive) {
+                        Some((_, probability)) => assert!((asked - probability).abs() <= 1e-5 * probability),
+                        None => assert!(asked < 1e-3, "{size}: {asked} though it is never chosen"),
+                    }
+                }
             }
         }
     }

@@ -29,6 +29,11 @@ pub fn atan2(y: f32, x: f32) -> f32 {
     libm::atan2f(y, x)
 }
 
+/// `atan2(y, x)` in f64.
+pub fn atan2_f64(y: f64, x: f64) -> f64 {
+    libm::atan2(y, x)
+}
+
 /// `x` to the power `y` in f32; 1 when `y` is 0.
 pub fn pow(x: f32, y: f32) -> f32 {
     libm::powf(x, y)

@@ -1,11 +1,14 @@
-//! Methods that trace rays from the eye: [`ray_cast`] and [`whitted`]; each is an [`Integrator`], and [`tiles`] turns any of them into a picture, [`adaptive`] with samples where they are needed.
+//! Methods that trace rays from the eye: [`ray_cast`], [`whitted`] and [`path`]; each is an [`Integrator`], and [`tiles`] turns any of them into a picture, [`adaptive`] with samples where they are needed.
 
 pub mod ray_cast;
 pub mod whitted;
+
+pub mod path;
 
 pub mod adaptive;
 pub mod tiles;
 
 pub use crate::transport::Integrator;
+pub use path::PathTracer;
 pub use ray_cast::RayCast;
 pub use whitted::Whitted;

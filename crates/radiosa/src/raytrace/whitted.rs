@@ -517,7 +517,7 @@ impl Tracer<'_> {
 }
 
 /// A direction that a shading normal sent through its own surface, brought back to just above it; `ng` is unit.
-fn kept_above(dir: Vec3, ng: Vec3) -> Vec3 {
+pub(super) fn kept_above(dir: Vec3, ng: Vec3) -> Vec3 {
     const JUST_ABOVE: f32 = 1e-3;
     let height = dir.dot(ng);
     if height > 0.0 { dir } else { (dir + ng * (JUST_ABOVE - height)).normalize() }

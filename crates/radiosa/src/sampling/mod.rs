@@ -2,6 +2,7 @@
 //!
 //! Nothing here has a state that threads could share: every number is a function of (seed, pixel, sample, dimension).
 
+pub mod mis;
 pub mod rng;
 pub mod sequence;
 pub mod warp;

@@ -55,6 +55,15 @@ impl Stream {
         (key, self.sample.wrapping_mul(n))
     }
 
+    /// The streams of the `n` parts into which a sample branches: together they are those of `n` times as many samples.
+    pub fn branches(&mut self, n: u32) -> impl Iterator<Item = Self> + use<> {
+        let (pixel, start) = self.next_set(n);
+        (0..n).map(move |i| {
+            let sample = start.wrapping_add(i);
+            Self { key: key(&[pixel, u64::from(sample)]), dimension: 0, pixel, sample }
+        })
+    }
+
     /// The bits of any dimension.
     pub fn bits(&self, dimension: u64) -> u64 {
         nth(self.key, dimension)
@@ -112,6 +121,18 @@ mod tests {
         assert_eq!([a[0].1, a[1].1, b[0].1, b[1].1], [0, 0, 16, 6]);
         assert_ne!(a[0].0, a[1].0);
         assert_ne!(a[0].0, sets(6, 0)[0].0);
+    }
+
+    #[test]
+    fn branches_of_a_pixels_samples_share_one_set() {
+        let of = |sample: u64| -> Vec<(u64, u32)> {
+            Stream::new(1, 5, sample).branches(3).map(|mut branch| branch.next_set(1)).collect()
+        };
+        let (a, b) = (of(0), of(2));
+        assert!(a.iter().chain(&b).all(|(key, _)| *key == a[0].0));
+        assert_eq!(a.iter().chain(&b).map(|set| set.1).collect::<Vec<_>>(), [0, 1, 2, 6, 7, 8]);
+        let first: Vec<u64> = Stream::new(1, 5, 0).branches(3).map(|branch| branch.bits(0)).collect();
+        assert!(first[0] != first[1] && first[1] != first[2]);
     }
 
     #[test]

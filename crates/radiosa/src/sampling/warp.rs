@@ -76,6 +76,13 @@ pub fn bilinear([a, b, c, d]: [f32; 4], u: Vec2) -> (Vec2, f32) {
     (Vec2::new(x, y), if sum > 0.0 { 4.0 * between(x, left, right) / sum } else { 1.0 })
 }
 
+/// Density of [`bilinear`] at a point.
+pub fn bilinear_pdf([a, b, c, d]: [f32; 4], p: Vec2) -> f32 {
+    let between = |t: f32, from: f32, to: f32| from + t * (to - from);
+    let sum = a + b + c + d;
+    if sum > 0.0 { 4.0 * between(p.x, between(p.y, a, c), between(p.y, b, d)) / sum } else { 1.0 }
+}
+
 /// The largest number below one.
 const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
 
@@ -155,6 +162,7 @@ mod tests {
             for _ in 0..n {
                 let (p, pdf) = bilinear(corners, stream.next_2d());
                 assert!(p.cmpge(Vec2::ZERO).all() && p.cmplt(Vec2::ONE).all() && pdf > 0.0);
+                assert!((pdf - bilinear_pdf(corners, p)).abs() <= 1e-5 * pdf);
                 count[(p.y * CELLS as f32) as usize * CELLS + (p.x * CELLS as f32) as usize] += 1.0;
                 inverse += f64::from(1.0 / pdf) / f64::from(n);
             }

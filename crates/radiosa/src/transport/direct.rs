@@ -8,7 +8,7 @@ use crate::emitter::area;
 use crate::emitter::environment::Sky;
 use crate::emitter::random::PointSampler;
 use crate::emitter::{Emitter, EnvironmentShadows, Incident};
-use crate::math::rounding::{self, gamma};
+use crate::math::rounding;
 use crate::math::{Bounds, Frame, Ray, Vec3};
 use crate::radiometry::lambertian_radiance;
 use crate::sampling::{Stream, rng, sequence, warp};
@@ -279,11 +279,7 @@ impl Lights {
             let side = if is_above { surface.ng } else { -surface.ng };
             let offset = || rounding::offset_origin(p, surface.p_error, surface.ng, side);
             let origin = *origins[usize::from(is_above)].get_or_insert_with(offset);
-            let Some(target) = incident.target else { return Ray::new(origin, incident.wi) };
-            // Clear of the rounding of both ends: a lamp may hang in the very plane of a ceiling.
-            let dir = target - origin;
-            let error = gamma(16) * (target.abs().max_element() + origin.abs().max_element());
-            Ray { origin, dir, t_max: 1.0 - (error / dir.abs().max_element()).min(0.5) }
+            incident.target.map_or(Ray::new(origin, incident.wi), |target| super::surface::shadow_ray(origin, target))
         };
         let mut reflect = |incident: Incident, light: &mut LocalLight| {
             if shading.n.dot(incident.wi) <= 0.0 {

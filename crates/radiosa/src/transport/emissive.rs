@@ -58,6 +58,42 @@ impl World {
         found
     }
 
+    /// The radiance that leaves a point (world coordinates) of an emissive surface on the side that emits, by its texture and as far as it is there.
+    pub(crate) fn emission_from(&self, emissive: &EmissiveSurface, position: Vec3) -> Spectrum {
+        let material = self.scene().material_of(emissive.instance, emissive.primitive);
+        let (emission, alpha) = (&self.material(material).emission, &self.material(material).alpha);
+        if emission.texture.is_none() && alpha.mode == AlphaMode::Opaque {
+            return emission.factor;
+        }
+        let (mut weights, mut local) = ([0.0; 3], Vec3::ZERO);
+        match &emissive.shape {
+            EmissiveShape::Triangle([a, b, c]) => {
+                // Each weight is the part of the area that lies opposite.
+                let normal = (b - a).as_dvec3().cross((c - a).as_dvec3());
+                let part = |from: &Vec3, to: &Vec3| {
+                    let [from, to] = [from, to].map(|v| (v - position).as_dvec3());
+                    (from.cross(to).dot(normal) / normal.length_squared()).clamp(0.0, 1.0) as f32
+                };
+                let (v, w) = (part(c, a), part(a, b));
+                weights = [(1.0 - v - w).max(0.0), v, w];
+                if self.is_mirrored(emissive.instance) {
+                    weights.swap(1, 2);
+                }
+            }
+            EmissiveShape::Sphere(m) => local = m.inverse().transform_point3(position).normalize_or(Vec3::Y),
+            EmissiveShape::Disc(m) => local = m.inverse().transform_point3(position) * Vec3::new(1.0, 0.0, 1.0),
+        }
+        let surface = Surface {
+            weights,
+            local,
+            instance: emissive.instance,
+            primitive: emissive.primitive,
+            material,
+            ..Surface::in_space(position, Vec3::ZERO, Vec3::Y)
+        };
+        self.emission_at(&surface) * self.opacity(&surface)
+    }
+
     /// The mean of the emission that is there (emission times coverage) over a primitive: exact without textures and alpha, over a fixed pattern with
     /// them.
     fn mean_emission(&self, instance: InstanceId, primitive: u32, material: Option<crate::scene::MaterialId>) -> Spectrum {

@@ -57,6 +57,8 @@ impl Shading {
 pub enum Glass {
     /// Transparent things cast shadows like opaque ones; holes of masks and of coverage stay holes.
     Opaque,
+    /// Light passes sheets, which do not bend it, as the materials say; bodies cast full shadows.
+    Sheets,
     /// Light passes straight, filtered by the surfaces, whose constants are weighed so, and by the bodies.
     Clear(Weighing),
 }
@@ -104,8 +106,9 @@ impl<'a> Filtered<'a> {
         let shading = world.shading(surface, self.wo);
         let entering = surface.is_front(self.wo);
         let (mut through, mut surroundings) = (self.media.current().copied(), Some(self.media.ior()));
+        let body = shading.bsdf.transmission().filter(|t| !t.thin);
         if self.passage.glass != Glass::Opaque
-            && let Some(t) = shading.bsdf.transmission().filter(|t| !t.thin)
+            && let Some(t) = body
         {
             let boundary = self.media.pass(Medium::of(surface, &t), entering);
             (through, surroundings) = (boundary.began_in.or(through), boundary.surroundings);
@@ -113,7 +116,9 @@ impl<'a> Filtered<'a> {
         let glass = match (self.passage.glass, surroundings) {
             (Glass::Opaque, _) => Spectrum::BLACK,
             // Hidden in a body of higher priority: there is no surface here.
-            (Glass::Clear(_), None) => Spectrum::WHITE,
+            (_, None) => Spectrum::WHITE,
+            (Glass::Sheets, Some(_)) if body.is_some() => Spectrum::BLACK,
+            (Glass::Sheets, Some(ior)) => shading.bsdf.straight_transmission(shading.n, self.wo, entering, ior),
             (Glass::Clear(by), Some(ior)) => shading.bsdf.weighed(by).straight_transmission(shading.n, self.wo, entering, ior),
         };
         let open = Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage;
@@ -245,7 +250,7 @@ impl World {
     pub(super) const FEW_SEGMENTS: usize = 3;
 
     /// The fraction of light that passes along a segment, as in [`Self::transmittances`].
-    pub(super) fn transmittance(&self, segment: &Ray, passage: Passage<'_>, n_rays: &mut u64) -> Spectrum {
+    pub(crate) fn transmittance(&self, segment: &Ray, passage: Passage<'_>, n_rays: &mut u64) -> Spectrum {
         *n_rays += 1;
         if !self.has_transparency() {
             return if self.accel().occluded(segment) { Spectrum::BLACK } else { Spectrum::WHITE };

@@ -124,6 +124,13 @@ impl World {
     }
 }
 
+/// From an origin to just before a target.
+pub(super) fn shadow_ray(origin: Vec3, target: Vec3) -> Ray {
+    let dir = target - origin;
+    let error = gamma(16) * (target.abs().max_element() + origin.abs().max_element());
+    Ray { origin, dir, t_max: 1.0 - (error / dir.abs().max_element()).min(0.5) }
+}
+
 impl Surface {
     /// A point that lies on nothing, with the normal `n` (unit); it belongs to no instance.
     pub fn in_space(p: Vec3, p_error: Vec3, n: Vec3) -> Self {
@@ -150,6 +157,12 @@ impl Surface {
     pub fn segment_to(&self, target: Vec3) -> Ray {
         let origin = offset_origin(self.p, self.p_error, self.ng, target - self.p);
         Ray { origin, dir: target - origin, t_max: 1.0 }
+    }
+
+    /// The segment from the surface to just before a point near another surface, clear of the rounding of both ends: a lamp may hang in the very plane of a
+    /// ceiling.
+    pub(crate) fn shadow_ray(&self, target: Vec3) -> Ray {
+        shadow_ray(offset_origin(self.p, self.p_error, self.ng, target - self.p), target)
     }
 
     /// The front faces along `wo`.

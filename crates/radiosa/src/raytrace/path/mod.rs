@@ -1,0 +1,144 @@
+//! Path tracing: the whole rendering equation [Kajiya86] by random paths from the eye, with next-event estimation and multiple importance sampling.
+//!
+//! ```text
+//! L(x, ωo) = L_e(x, ωo) + ∫ f(x, ωo, ωi) L(x, ωi) (n·ωi)⁺ dωi
+//! ```
+//!
+//! At every surface of a path light is looked for twice: towards a point drawn on an emissive surface or a direction drawn from the sky (`emitter::random`,
+//! `emitter::environment`), and in a direction drawn from what the surface reflects ([`Scatter`](crate::bsdf::Scatter)), in which the path goes on. What both can find is
+//! weighed by the power heuristic [Veach95], so that each counts where it is the better way and the sum is right. Delta lights are looked at one and all.
+//! Paths end by Russian roulette when little of what they bring would be seen.
+//!
+//! Mirrors and glass are followed one ray at a time, chosen by chance; which body a ray is in, and what it absorbs, is as in [`whitted`](super::whitted). Light from
+//! emissive surfaces and skies comes through glass and off mirrors to diffuse surfaces (caustics), by the paths that happen to hit the source: rightly, but
+//! with much noise where the source is small. From delta lights it does not: no path hits them. Sheets let it pass straight. Ambient light is ignored, since
+//! this is what it stands for. Nothing is clamped.
+
+mod walk;
+
+use crate::bsdf::Highlights;
+use crate::bsdf::fresnel::Weighing;
+use crate::emitter::EnvironmentShadows;
+use crate::emitter::random::PointSampler;
+use crate::film::Pixel;
+use crate::math::{Ray, Vec3};
+use crate::sampling::Stream;
+use crate::scene::{Light, LightKind};
+use crate::spectrum::Spectrum;
+use crate::transport::media::Media;
+use crate::transport::{Emitters, Footprint, Glass, Integrator, LightSettings, Lights, Surface, World, default_light};
+
+use walk::Walk;
+
+/// What path tracing can be asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// How often light is scattered between its source and the eye, at most: 1 is direct light. Without a limit Russian roulette alone ends paths.
+    pub max_depth: Option<u32>,
+    /// Paths that go on from what the eye sees, for each camera sample, at least 1: what is lit straight needs fewer samples than what is lit by other surfaces.
+    pub branches: u32,
+    /// What the highlights of Phong's model do with light that does not come from delta lights.
+    pub highlights: Highlights,
+    /// How the constants of mirrors and glass are weighed.
+    pub fresnel: Weighing,
+    /// Lights beside the scene's own, as for ray casting.
+    pub extra_lights: Vec<Light>,
+    /// How wide a pixel is, as for ray casting; it goes on growing along the path.
+    pub footprint: Footprint,
+    /// The eye point, as for Whitted's method.
+    pub eye: Option<Vec3>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            max_depth: None,
+            branches: 4,
+            highlights: Highlights::default(),
+            fresnel: Weighing::Material,
+            extra_lights: Vec::new(),
+            footprint: Footprint::default(),
+            eye: None,
+        }
+    }
+}
+
+/// Path tracing, ready to be asked.
+#[derive(Debug)]
+pub struct PathTracer {
+    settings: Settings,
+    /// Those with a place or a direction.
+    lamps: Lights,
+    has_lamps: bool,
+    emissive: PointSampler,
+    /// Axis and radiance from above and below of each hemispherical light.
+    hemispheres: Vec<(Vec3, Spectrum, Spectrum)>,
+    has_backdrop: bool,
+    /// Something transparent has an inside.
+    has_bodies: bool,
+    /// The bodies the eye is in.
+    around_eye: Media,
+}
+
+impl PathTracer {
+    /// Prepares the lights of a world.
+    pub fn new(world: &World, settings: &Settings) -> Self {
+        let light_settings = LightSettings { emitters: Emitters::Ignore, environment_shadows: EnvironmentShadows::On };
+        let lamps = Lights::prepare_without_skies(world, &light_settings, &settings.extra_lights).with_glass(Glass::Sheets);
+        let all = || world.scene().lights.iter().chain(&settings.extra_lights);
+        let hemispheres = all().filter_map(|light| match light.kind {
+            LightKind::Hemispherical { axis, down } => Some((axis.as_vec3().normalize_or(Vec3::Y), light.diffuse, down)),
+            _ => None,
+        });
+        let has_bodies = world.scene().materials.iter().any(|m| m.transmits() && m.has_inside());
+        Self {
+            has_lamps: lamps.n_lamps() > 0,
+            lamps,
+            emissive: PointSampler::new(world.emissive()),
+            hemispheres: hemispheres.collect(),
+            has_backdrop: default_light::has_backdrop(world, &settings.extra_lights),
+            has_bodies,
+            around_eye: settings.eye.filter(|_| has_bodies).map_or(Media::VACUUM, |eye| Media::around(world, eye)),
+            settings: settings.clone(),
+        }
+    }
+
+    /// The irradiance of a place on the side of the unit normal `n`, W/m² or lux, by about `samples` paths, and the standard error of its luminance from
+    /// [`SETS`] independent sets of them. `key` names the random numbers.
+    pub fn irradiance(&self, world: &World, surface: &Surface, n: Vec3, samples: u32, key: u64) -> (Spectrum, f64) {
+        let each = samples.div_ceil(SETS).max(1);
+        let of_set = |set: u32| {
+            let mut sum = [0.0f64; 3];
+            for i in 0..each {
+                let stream = Stream::new(key, u64::from(set), u64::from(i));
+                let light = Walk::new(self, world, stream, &mut 0).irradiance_of(surface, n);
+                sum.iter_mut().zip(light.to_array()).for_each(|(sum, v)| *sum += f64::from(v));
+            }
+            sum.map(|v| v / f64::from(each))
+        };
+        let sets: Vec<[f64; 3]> = (0..SETS).map(of_set).collect();
+        let mean: [f64; 3] = std::array::from_fn(|c| sets.iter().map(|e| e[c]).sum::<f64>() / f64::from(SETS));
+        let off = |e: &[f64; 3]| (crate::spectrum::luminance(*e) - crate::spectrum::luminance(mean)).powi(2);
+        let variance = sets.iter().map(off).sum::<f64>() / f64::from(SETS * (SETS - 1));
+        (Spectrum::from(mean.map(|v| v as f32)), variance.sqrt())
+    }
+
+    /// The radiance of skies from a direction: what scattered rays find where no surface is.
+    fn sky(&self, world: &World, dir: Vec3) -> Spectrum {
+        let sky = world.sky().map_or(Spectrum::BLACK, |sky| sky.radiance(dir));
+        self.hemispheres.iter().fold(sky, |sum, (axis, up, down)| sum + if axis.dot(dir) >= 0.0 { *up } else { *down })
+    }
+}
+
+/// Independent sets of paths at a sensor.
+const SETS: u32 = 32;
+
+impl Integrator for PathTracer {
+    fn sample(&self, world: &World, ray: &Ray, stream: &mut Stream, n_rays: &mut u64) -> Pixel {
+        Walk::new(self, world, stream.clone(), n_rays).of_camera_ray(ray)
+    }
+
+    fn branching(&self) -> u32 {
+        8
+    }
+}

@@ -1,0 +1,370 @@
+//! One path, from the eye or a sensor on.
+
+use super::PathTracer;
+use crate::bsdf::{Lobes, Scatter, Scattered, Way};
+use crate::emitter::random::Met;
+use crate::film::Pixel;
+use crate::math::{Ray, Vec2, Vec3};
+use crate::sampling::mis::power_heuristic;
+use crate::sampling::{Stream, sequence};
+use crate::spectrum::Spectrum;
+use crate::transport::eye::{self, BEHIND_MAX};
+use crate::transport::media::{self, Media, Medium};
+use crate::transport::{Glass, Passage, Shading, Surface, World};
+
+use crate::raytrace::whitted::kept_above;
+
+/// Scatterings after which a path ends whatever it would bring: lossless rooms.
+const DEPTH_LIMIT: u32 = 1 << 12;
+/// Paths go on with at most this probability,
+const MOST: f32 = 0.95;
+/// and end only when less of what they bring would be seen than this. Ending the Cornell box's at once where it is below 1 saves a third of the time and doubles
+/// the variance: by then a path has cost most of what it will.
+const DIM: f32 = 1.0 / 3.0;
+/// From this many scatterings on numbers are drawn by chance: evenly spread ones no longer tell, and take a twentieth of the time.
+const SPREAD: u32 = 2;
+
+/// A path in the making.
+pub(super) struct Walk<'a> {
+    method: &'a PathTracer,
+    world: &'a World,
+    stream: Stream,
+    n_rays: &'a mut u64,
+    /// The bodies it is in.
+    media: Media,
+    /// Those on the other side of the last surface it met, where that bounds a body.
+    behind: Media,
+    /// Scatterings so far.
+    depth: u32,
+}
+
+/// A ray, and how it came to be.
+struct Onward {
+    ray: Ray,
+    /// The rough surface whose direction it has; `None` where light sources cannot have been found in any other way.
+    last: Option<Last>,
+    /// From the eye to its start.
+    travelled: f32,
+}
+
+/// A surface that drew a direction.
+#[derive(Clone, Copy)]
+struct Last {
+    p: Vec3,
+    n: Vec3,
+    /// 1/sr.
+    pdf: f32,
+}
+
+/// A surface that scatters.
+struct Vertex {
+    surface: Surface,
+    shading: Shading,
+    /// Seen from the outside.
+    entering: bool,
+    /// It bounds a body.
+    is_boundary: bool,
+    travelled: f32,
+}
+
+impl<'a> Walk<'a> {
+    pub(super) fn new(method: &'a PathTracer, world: &'a World, stream: Stream, n_rays: &'a mut u64) -> Self {
+        Self { method, world, stream, n_rays, media: method.around_eye, behind: Media::VACUUM, depth: 0 }
+    }
+
+    /// A camera sample.
+    pub(super) fn of_camera_ray(mut self, ray: &Ray) -> Pixel {
+        let mut pixel = Pixel::default();
+        if let Some(eye) = self.method.settings.eye.filter(|eye| self.method.has_bodies && *eye != ray.origin) {
+            // Through a lens and in parallel projection rays begin beside the eye.
+            *self.n_rays += 1;
+            self.media.go(self.world, eye, ray.origin);
+        }
+        let mut onward = Onward { ray: *ray, last: None, travelled: 0.0 };
+        let begins = onward.ray.origin;
+        let (vertex, open) = self.meet(&mut onward);
+        let Some(vertex) = vertex else {
+            let is_first = onward.ray.origin == begins;
+            pixel.background = open * eye::behind(self.world, ray.dir, self.method.has_backdrop, is_first);
+            pixel.color = pixel.background;
+            return pixel;
+        };
+        pixel.alpha = 1.0;
+        eye::record(&mut pixel, self.world, &vertex.surface, &vertex.shading, vertex.travelled);
+        pixel.emission = open * (vertex.shading.emission + vertex.shading.bsdf.unlit().unwrap_or(Spectrum::BLACK));
+        pixel.color = pixel.emission;
+        if self.method.settings.max_depth == Some(0) {
+            return pixel;
+        }
+        let scatter = self.scatter_at(&vertex);
+        let local = self.next_event(&vertex, &scatter);
+        (pixel.diffuse, pixel.specular) = (open * local.diffuse, open * local.specular);
+        pixel.direct = pixel.diffuse + pixel.specular;
+        let n_branches = self.method.settings.branches.max(1);
+        let open = open / n_branches as f32;
+        let sides = self.method.has_bodies.then_some((self.media, self.behind));
+        for stream in self.stream.branches(n_branches) {
+            self.stream = stream;
+            self.depth = 0;
+            if let Some(sides) = sides {
+                (self.media, self.behind) = sides;
+            }
+            let Some((scattered, onward)) = self.go_on(&vertex, &scatter, None) else { continue };
+            let weight = Lobes { diffuse: open * scattered.weight.diffuse, specular: open * scattered.weight.specular };
+            let [once, more] = self.arriving(onward, weight.sum() * n_branches as f32);
+            let all = once + more;
+            pixel.diffuse += weight.diffuse * all;
+            let lobe = match scattered.way {
+                Way::Rough { .. } => &mut pixel.specular,
+                Way::Reflected => &mut pixel.reflection,
+                Way::Refracted => &mut pixel.refraction,
+            };
+            *lobe += weight.specular * all;
+            pixel.direct += weight.sum() * once;
+            pixel.indirect += weight.sum() * more;
+        }
+        pixel.color += pixel.diffuse + pixel.specular + pixel.reflection + pixel.refraction;
+        pixel
+    }
+
+    /// The irradiance of a place on the side of `n`: π times what a white surface would reflect.
+    pub(super) fn irradiance_of(mut self, surface: &Surface, n: Vec3) -> Spectrum {
+        self.media = Media::VACUUM;
+        let vertex = Vertex {
+            surface: *surface,
+            shading: Shading::white(n),
+            entering: surface.is_front(n),
+            is_boundary: false,
+            travelled: 0.0,
+        };
+        let scatter = self.scatter_at(&vertex);
+        let mut light = self.next_event(&vertex, &scatter).sum();
+        let n_branches = self.method.settings.branches.max(1);
+        for stream in self.stream.branches(n_branches) {
+            self.stream = stream;
+            (self.media, self.depth) = (Media::VACUUM, 0);
+            let Some((scattered, onward)) = self.go_on(&vertex, &scatter, None) else { continue };
+            let weight = scattered.weight.sum();
+            let [once, more] = self.arriving(onward, weight);
+            light += weight * (once + more) / n_branches as f32;
+        }
+        light * std::f32::consts::PI
+    }
+
+    /// What a scattered ray brings: straight from a source, and scattered before. `seen` is what of it reaches the eye.
+    fn arriving(&mut self, mut onward: Onward, seen: Spectrum) -> [Spectrum; 2] {
+        let (mut once, mut more) = (Spectrum::BLACK, Spectrum::BLACK);
+        let max_depth = self.method.settings.max_depth.unwrap_or(DEPTH_LIMIT).min(DEPTH_LIMIT);
+        // What of the light at the end of the path arrives.
+        let mut throughput = Spectrum::WHITE;
+        for depth in 1..=max_depth {
+            let found = if depth == 1 { &mut once } else { &mut more };
+            self.depth = depth;
+            let (vertex, open) = self.meet(&mut onward);
+            throughput = throughput * open;
+            let Some(vertex) = vertex else {
+                *found += throughput * self.beyond(&onward);
+                break;
+            };
+            *found += throughput * self.emission(&vertex, &onward);
+            if depth == max_depth {
+                break;
+            }
+            let scatter = self.scatter_at(&vertex);
+            more += throughput * self.next_event(&vertex, &scatter).sum();
+            let Some((scattered, next)) = self.go_on(&vertex, &scatter, onward.last) else { break };
+            throughput = throughput * scattered.weight.sum();
+            let survival = ((seen * throughput).max_channel() / DIM).min(MOST);
+            if survival.is_nan() || self.stream.next_f32() >= survival {
+                break;
+            }
+            throughput *= 1.0 / survival;
+            onward = next;
+        }
+        [once, more]
+    }
+
+    /// Follows a ray to the next surface that is there, through holes; what is left of light on the way.
+    fn meet(&mut self, onward: &mut Onward) -> (Option<Vertex>, Spectrum) {
+        let world = self.world;
+        let mut open = Spectrum::WHITE;
+        for _ in 0..BEHIND_MAX {
+            *self.n_rays += 1;
+            let Some((hit, mut surface)) = world.closest_visible(&onward.ray) else {
+                if self.method.has_bodies {
+                    open = open * media::transmittance_of(self.media.current(), f32::INFINITY);
+                }
+                return (None, open);
+            };
+            let wo = -onward.ray.dir;
+            onward.travelled += hit.t;
+            surface.width = self.method.settings.footprint.width(onward.travelled, surface.ng.dot(wo));
+            let mut shading = world.shading(&surface, wo);
+            let entering = surface.is_front(wo);
+            let mut is_boundary = false;
+            if self.method.has_bodies {
+                let mut surroundings = self.media.ior();
+                let mut through = self.media.current().copied();
+                let mut is_hidden = false;
+                if let Some(t) = shading.bsdf.transmission().filter(|t| !t.thin) {
+                    self.behind = self.media;
+                    is_boundary = true;
+                    let boundary = self.behind.pass(Medium::of(&surface, &t), entering);
+                    through = boundary.began_in.or(through);
+                    surroundings = boundary.surroundings.unwrap_or(1.0);
+                    // In a body of higher priority there is no surface here.
+                    is_hidden = boundary.surroundings.is_none();
+                }
+                open = open * media::transmittance_of(through.as_ref(), hit.t);
+                if is_hidden {
+                    self.media = self.behind;
+                    onward.ray = surface.ray(onward.ray.dir);
+                    continue;
+                }
+                if surroundings != 1.0 {
+                    shading.bsdf = shading.bsdf.within(surroundings);
+                }
+                if !entering {
+                    shading.bsdf = shading.bsdf.met_from_inside();
+                }
+            }
+            if shading.coverage < 1.0 && self.stream.next_f32() >= shading.coverage {
+                // A hole in the wall of a body lets into the body.
+                if is_boundary {
+                    self.media = self.behind;
+                }
+                onward.ray = surface.ray(onward.ray.dir);
+                continue;
+            }
+            let travelled = onward.travelled;
+            return (Some(Vertex { surface, shading, entering, is_boundary, travelled }), open);
+        }
+        (None, Spectrum::BLACK)
+    }
+
+    /// What a scattered ray sees where no surface is.
+    fn beyond(&self, onward: &Onward) -> Spectrum {
+        let dir = onward.ray.dir;
+        if onward.last.is_none() && self.world.sky().is_none() && self.method.hemispheres.is_empty() {
+            // What stands behind the scene is seen in mirrors, but lights nothing.
+            return eye::behind(self.world, dir, self.method.has_backdrop, false);
+        }
+        self.method.sky(self.world, dir)
+    }
+
+    /// What a surface emits towards a scattered ray, weighed where it could have been found from the surface before as well.
+    fn emission(&self, vertex: &Vertex, onward: &Onward) -> Spectrum {
+        let Vertex { surface, shading, .. } = vertex;
+        let Some(last) = onward.last else {
+            return shading.emission + shading.bsdf.unlit().unwrap_or(Spectrum::BLACK);
+        };
+        if shading.emission.is_black() {
+            return Spectrum::BLACK;
+        }
+        let met = Met {
+            instance: surface.instance.0,
+            primitive: surface.primitive,
+            wi: onward.ray.dir,
+            distance: (surface.p - last.p).length(),
+            local: surface.local,
+        };
+        shading.emission * power_heuristic(last.pdf, self.method.emissive.pdf(last.p, last.n, &met))
+    }
+
+    /// Four numbers: of a set that all samples of the pixel share, as long as that still tells.
+    fn next_4d(&mut self) -> [Vec2; 2] {
+        if self.depth < SPREAD {
+            let (key, i) = self.stream.next_set(1);
+            sequence::point_4d(i, key)
+        } else {
+            [self.stream.next_2d(), self.stream.next_2d()]
+        }
+    }
+
+    /// What a surface does with light.
+    fn scatter_at(&self, vertex: &Vertex) -> Scatter {
+        let Vertex { shading, entering, .. } = vertex;
+        let settings = &self.method.settings;
+        Scatter::new(shading.bsdf.weighed(settings.fresnel), shading.n, shading.wo, *entering, settings.highlights)
+    }
+
+    /// Draws where a path goes on from a surface.
+    fn go_on(&mut self, vertex: &Vertex, scatter: &Scatter, last: Option<Last>) -> Option<(Scattered, Onward)> {
+        let Vertex { surface, shading, entering, .. } = vertex;
+        let side = if *entering { surface.ng } else { -surface.ng };
+        let [u, choice] = self.next_4d();
+        let mut scattered = scatter.sample(u, choice.x)?;
+        let last = match scattered.way {
+            Way::Rough { pdf } => {
+                if scattered.wi.dot(side) <= 0.0 {
+                    return None;
+                }
+                Some(Last { p: surface.p, n: shading.n, pdf })
+            }
+            Way::Reflected => {
+                scattered.wi = kept_above(scattered.wi, side);
+                None
+            }
+            Way::Refracted => {
+                if vertex.is_boundary {
+                    self.media = self.behind;
+                }
+                scattered.wi = kept_above(scattered.wi, -side);
+                // Light comes straight through a sheet, to be found from the surface before it as well.
+                if shading.bsdf.transmission().is_some_and(|t| t.thin) { last } else { None }
+            }
+        };
+        let onward = Onward { ray: surface.ray(scattered.wi), last, travelled: vertex.travelled };
+        Some((scattered, onward))
+    }
+
+    /// Light that comes straight from a source, as far as directions to it are drawn.
+    fn next_event(&mut self, vertex: &Vertex, scatter: &Scatter) -> Lobes {
+        let mut light = Lobes::BLACK;
+        let method = self.method;
+        let Vertex { surface, shading, .. } = vertex;
+        if scatter.is_perfect() {
+            return light;
+        }
+        if method.has_lamps {
+            let lamps =
+                method.lamps.at_random(self.world, surface, shading, Some(&self.media), (0, &mut self.stream), self.n_rays);
+            light = Lobes { diffuse: lamps.diffuse, specular: lamps.specular };
+        }
+        if !method.emissive.is_empty() {
+            let [u, choice] = self.next_4d();
+            if let Some(drawn) = method.emissive.draw(surface.p, shading.n, u, choice.x) {
+                let ray = surface.shadow_ray(drawn.target);
+                let world = self.world;
+                let radiance = || world.emission_from(drawn.surface, drawn.position);
+                let part = self.looked_at(surface, shading, scatter, (drawn.wi, drawn.pdf), ray, radiance);
+                light.diffuse += part.diffuse;
+                light.specular += part.specular;
+            }
+        }
+        light
+    }
+
+    /// What a direction drawn with a density brings, weighed against its being drawn by the surface.
+    fn looked_at(
+        &mut self,
+        surface: &Surface,
+        shading: &Shading,
+        scatter: &Scatter,
+        (wi, pdf): (Vec3, f32),
+        ray: Ray,
+        radiance: impl Fn() -> Spectrum,
+    ) -> Lobes {
+        let (lobes, pdf_of_surface) = scatter.evaluate(wi);
+        if lobes.sum().is_black() || surface.ng.dot(wi) * surface.ng.dot(shading.wo) <= 0.0 {
+            return Lobes::BLACK;
+        }
+        let passage = Passage { glass: Glass::Sheets, media: &self.media };
+        let passed = self.world.transmittance(&ray, passage, self.n_rays);
+        if passed.is_black() {
+            return Lobes::BLACK;
+        }
+        let light = radiance() * passed * (power_heuristic(pdf, pdf_of_surface) / pdf);
+        Lobes { diffuse: lobes.diffuse * light, specular: lobes.specular * light }
+    }
+}
