@@ -10,7 +10,7 @@ use radiosa::emitter::environment::Sky;
 use radiosa::emitter::{Emitter, EnvironmentShadows, area};
 use radiosa::film::{Filter, Layer, Sampling};
 use radiosa::math::{CpuPath, DAffine3, DMat3, DQuat, DVec3, Vec3};
-use radiosa::raytrace::{Integrator, RayCast, Whitted, ray_cast, tiles, whitted};
+use radiosa::raytrace::{Integrator, PathTracer, RayCast, Whitted, path, ray_cast, tiles, whitted};
 use radiosa::scanline::{self, ScanLine};
 use radiosa::scene::{
     Attenuation, Camera, ColorMap, Cone, CookTorrance, Directional, Distribution, Environment, EnvironmentRadiance, Form,
@@ -604,6 +604,19 @@ fn by_whitted(case: &Case) -> Rgb {
     })
 }
 
+/// Path tracing of light scattered once. It ignores ambient light, which is added as the table has it; what comes from all directions at once or from an
+/// area it finds by chance, so that one sample does not show it (`tests/path.rs` has those); and to it all lights are shadowed.
+fn by_paths(case: &Case) -> Option<Rgb> {
+    let is_by_chance = case.row.name == "emissive surface" || (case.row.everywhere)([0.0, 1.0, 0.0]) != BLACK;
+    let is_open_to_others = case.hidden && !case.row.shadowed && !(case.row.arrivals)().is_empty();
+    if is_by_chance || is_open_to_others {
+        return None;
+    }
+    let settings = path::Settings { max_depth: Some(1), ..path::Settings::default() };
+    let traced = one_pixel(case, |world, _| PathTracer::new(world, &settings));
+    Some(each(|c| traced[c] + case.row.ambient[c] * case.lobe.ambient[c]))
+}
+
 /// Scan line at every interpolation; it has no shadows, so nothing hides its lights.
 fn by_scan_line(case: &Case, interpolation: scanline::Interpolation) -> Option<Rgb> {
     if case.hidden {
@@ -630,10 +643,11 @@ fn one_pixel<I: Integrator>(case: &Case, method: impl FnOnce(&World, Vec3) -> I)
 
 /// The methods that the table holds for: each gives the pixel, or `None` where it does not apply.
 type Method = fn(&Case) -> Option<Rgb>;
-const METHODS: [(&str, Method); 7] = [
+const METHODS: [(&str, Method); 8] = [
     ("emitters and lobes", by_hand),
     ("ray casting", |case| Some(by_ray_casting(case, true))),
     ("Whitted", |case| Some(by_whitted(case))),
+    ("paths", by_paths),
     ("scan line, Phong", |case| by_scan_line(case, scanline::Interpolation::Phong)),
     ("ray casting from behind", |case| {
         // Reflection works on both sides: what is seen and lit from behind looks the same.

@@ -48,7 +48,7 @@ fn on_triangle([a, b, c]: [Vec3; 3], u: radiosa::math::Vec2) -> Vec3 {
     a * s + b * t + c * r
 }
 
-fn cornell_agreement(scene: Scene, [of_point, of_surface]: [u32; 2]) -> Agreement {
+fn cornell_agreement(scene: Scene, [of_point, of_surface]: [u32; 2], n_runs: u64) -> Agreement {
     let data = radiosa_testkit::data_dir().join("cornell-box");
     let read = |name: &str| -> Value {
         serde_json::from_str(&std::fs::read_to_string(data.join(name)).expect("it is in the testkit")).expect("it is JSON")
@@ -62,15 +62,18 @@ fn cornell_agreement(scene: Scene, [of_point, of_surface]: [u32; 2]) -> Agreemen
     // (of the reference, its standard error, ours, our standard error), of luminance.
     let luminance = |v: &Value| radiosa::spectrum::luminance(std::array::from_fn(|c| number(&v[c])));
     let points = list(&reference["points"]);
-    let of_points = points.par_iter().enumerate().map(|(k, point)| {
+    let runs = |n: usize| (0..n_runs).flat_map(move |run| (0..n).map(move |k| (run, k))).collect::<Vec<_>>();
+    let of_points = runs(points.len()).into_par_iter().map(|(run, k)| {
+        let point = &points[k];
         let normal = vector(&point["normal"]);
         let surface = below(&world, vector(&point["position"]) * 0.001, normal);
-        let (e, error) = method.irradiance(&world, &surface, normal, of_point, k as u64);
+        let (e, error) = method.irradiance(&world, &surface, normal, of_point, radiosa::sampling::rng::key(&[run, k as u64]));
         (point["id"].to_string(), luminance(&point["E"]), luminance(&point["E_stderr"]), f64::from(e.luminance()), error)
     });
     // Means over surfaces: many sensors of few paths, spread by area.
     let surfaces = list(&geometry["surfaces"]);
-    let of_surfaces = surfaces.par_iter().enumerate().map(|(k, surface)| {
+    let of_surfaces = runs(surfaces.len()).into_par_iter().map(|(run, k)| {
+        let surface = &surfaces[k];
         let polygons = list(&surface["polygons"]);
         let triangles: Vec<[Vec3; 3]> = polygons
             .iter()
@@ -90,7 +93,7 @@ fn cornell_agreement(scene: Scene, [of_point, of_surface]: [u32; 2]) -> Agreemen
             let sets = 64u32;
             let places = ((f64::from(of_surface / 64 / sets) * share).ceil() as u32).max(4);
             let of_set = |set: u32| {
-                let key = radiosa::sampling::rng::key(&[k as u64, j as u64, u64::from(set)]);
+                let key = radiosa::sampling::rng::key(&[run, k as u64, j as u64, u64::from(set)]);
                 let at = |i: u32| {
                     let p = on_triangle(*triangle, radiosa::sampling::sequence::point_2d(i, key));
                     // What stands on the floor hides it: the mean counts zero there.
@@ -109,26 +112,27 @@ fn cornell_agreement(scene: Scene, [of_point, of_surface]: [u32; 2]) -> Agreemen
         }
         (surface["name"].to_string(), luminance(&entry["E"]), luminance(&entry["E_stderr"]), mean, variance.sqrt())
     });
-    let all: Vec<_> = of_points.chain(of_surfaces).collect();
+    let (of_points, of_surfaces): (Vec<_>, Vec<_>) = (of_points.collect(), of_surfaces.collect());
     let z = |row: &(String, f64, f64, f64, f64)| (row.3 - row.1) / row.2.hypot(row.4);
+    let rms =
+        |rows: &[(String, f64, f64, f64, f64)]| (rows.iter().map(|row| z(row).powi(2)).sum::<f64>() / rows.len() as f64).sqrt();
+    println!("rms z of points {:.3}, of surfaces {:.3}", rms(&of_points), rms(&of_surfaces));
+    let all = [of_points, of_surfaces].concat();
     for row in all.iter().filter(|row| z(row).abs() > 3.0) {
         println!("{}: {} ± {} for {} ± {}, z {}", row.0, row.3, row.4, row.1, row.2, z(row));
     }
     let mut errors: Vec<f64> = all.iter().map(|row| row.4 / row.1).collect();
     errors.sort_by(f64::total_cmp);
-    Agreement {
-        largest: all.iter().map(|row| z(row).abs()).fold(0.0, f64::max),
-        rms: (all.iter().map(|row| z(row).powi(2)).sum::<f64>() / all.len() as f64).sqrt(),
-        error: errors[errors.len() / 2],
-    }
+    Agreement { largest: all.iter().map(|row| z(row).abs()).fold(0.0, f64::max), rms: rms(&all), error: errors[errors.len() / 2] }
 }
 
 #[test]
 fn the_cornell_box_has_the_irradiances_of_its_reference() {
     let load = || radiosa::import::sample::load("cornell-box").expect("it is built in");
-    let good = cornell_agreement(load(), [1 << 15, 1 << 16]);
+    // One run's rms of 78 values strays by 0.08 about 1, more than half of what is allowed: five runs stray by less than half as much.
+    let good = cornell_agreement(load(), [1 << 15, 1 << 16], 5);
     println!("largest |z| {:.2}, rms {:.3}, median standard error {:.2} %", good.largest, good.rms, 100.0 * good.error);
-    assert!(good.largest <= 4.2 && (0.85..=1.15).contains(&good.rms));
+    assert!(good.largest <= 4.2 && (0.85..=1.15).contains(&good.rms) && good.error <= 3e-3);
     // The twin: every reflectance 2 % higher.
     let mut scene = load();
     for material in &mut scene.materials {
@@ -136,7 +140,7 @@ fn the_cornell_box_has_the_irradiances_of_its_reference() {
             m.diffuse.factor *= 1.02;
         }
     }
-    let wrong = cornell_agreement(scene, [1 << 15, 1 << 16]);
+    let wrong = cornell_agreement(scene, [1 << 15, 1 << 16], 1);
     println!("twin: largest |z| {:.2}, rms {:.3}", wrong.largest, wrong.rms);
     assert!(wrong.largest > 4.2 || wrong.rms > 1.15, "a twin with other reflectances is not caught");
 }

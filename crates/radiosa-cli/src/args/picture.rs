@@ -24,7 +24,7 @@ pub(crate) struct Picture {
     #[arg(long, value_name = "NAME|INDEX")]
     pub(crate) camera: Option<String>,
 
-    /// Samples a pixel [default: 4, for path tracing 64]
+    /// Samples a pixel [default: 4, for path tracing 16]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub(crate) spp: Option<u32>,
 
@@ -70,8 +70,8 @@ pub(crate) struct Picture {
     #[arg(long, value_enum, default_value_t = OnOff::On)]
     pub(crate) transparent_shadows: OnOff,
 
-    /// Rays of each rough reflection and random points of emissive surfaces (Whitted ray tracing, hybrid); 0: fixed points, one ray [default: 0, for the
-    /// hybrid 4]
+    /// Rays of each rough reflection and random points of emissive surfaces (Whitted ray tracing, hybrid); 0: fixed points, one ray. For path tracing the paths
+    /// that go on from what each camera sample sees [default: 0, for the hybrid and path tracing 4]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
     pub(crate) samples: Option<u32>,
 
@@ -142,7 +142,7 @@ pub(crate) struct Picture {
 impl Picture {
     /// How many samples a pixel has, where their number is fixed.
     pub(crate) fn samples_a_pixel(&self) -> u32 {
-        self.spp.unwrap_or(if self.method == Method::Path { 64 } else { 4 })
+        self.spp.unwrap_or(if self.method == Method::Path { 16 } else { 4 })
     }
 }
 

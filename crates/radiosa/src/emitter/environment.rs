@@ -50,6 +50,11 @@ impl Sky {
         Self { radiance: Radiance::Map(map), to_map: DQuat::IDENTITY, n_directions: 0 }
     }
 
+    /// Its map and the way there from scene coordinates, where it is not the same everywhere.
+    pub(super) fn map(&self) -> Option<(&Map, DQuat)> {
+        if let Radiance::Map(map) = &self.radiance { Some((map, self.to_map)) } else { None }
+    }
+
     /// Radiance arriving from the unit direction `dir` (scene coordinates), bilinear between texels.
     pub fn radiance(&self, dir: Vec3) -> Spectrum {
         match &self.radiance {

@@ -21,6 +21,7 @@ pub mod point;
 pub mod random;
 pub mod reduce;
 mod seen;
+pub mod sky_sampler;
 pub mod spot;
 mod tree;
 

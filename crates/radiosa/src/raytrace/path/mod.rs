@@ -20,6 +20,7 @@ use crate::bsdf::Highlights;
 use crate::bsdf::fresnel::Weighing;
 use crate::emitter::EnvironmentShadows;
 use crate::emitter::random::PointSampler;
+use crate::emitter::sky_sampler::SkySampler;
 use crate::film::Pixel;
 use crate::math::{Ray, Vec3};
 use crate::sampling::Stream;
@@ -71,6 +72,8 @@ pub struct PathTracer {
     lamps: Lights,
     has_lamps: bool,
     emissive: PointSampler,
+    /// Of an environment map.
+    sky: Option<SkySampler>,
     /// Axis and radiance from above and below of each hemispherical light.
     hemispheres: Vec<(Vec3, Spectrum, Spectrum)>,
     has_backdrop: bool,
@@ -95,6 +98,7 @@ impl PathTracer {
             has_lamps: lamps.n_lamps() > 0,
             lamps,
             emissive: PointSampler::new(world.emissive()),
+            sky: world.sky().and_then(SkySampler::new),
             hemispheres: hemispheres.collect(),
             has_backdrop: default_light::has_backdrop(world, &settings.extra_lights),
             has_bodies,
@@ -106,7 +110,7 @@ impl PathTracer {
     /// The irradiance of a place on the side of the unit normal `n`, W/m² or lux, by about `samples` paths, and the standard error of its luminance from
     /// [`SETS`] independent sets of them. `key` names the random numbers.
     pub fn irradiance(&self, world: &World, surface: &Surface, n: Vec3, samples: u32, key: u64) -> (Spectrum, f64) {
-        let each = samples.div_ceil(SETS).max(1);
+        let each = samples.div_ceil(SETS * self.settings.branches.max(1)).max(1);
         let of_set = |set: u32| {
             let mut sum = [0.0f64; 3];
             for i in 0..each {
@@ -123,10 +127,11 @@ impl PathTracer {
         (Spectrum::from(mean.map(|v| v as f32)), variance.sqrt())
     }
 
-    /// The radiance of skies from a direction: what scattered rays find where no surface is.
-    fn sky(&self, world: &World, dir: Vec3) -> Spectrum {
-        let sky = world.sky().map_or(Spectrum::BLACK, |sky| sky.radiance(dir));
-        self.hemispheres.iter().fold(sky, |sum, (axis, up, down)| sum + if axis.dot(dir) >= 0.0 { *up } else { *down })
+    /// The radiance of hemispherical lights from a direction.
+    fn hemispheres(&self, dir: Vec3) -> Spectrum {
+        self.hemispheres
+            .iter()
+            .fold(Spectrum::BLACK, |sum, (axis, up, down)| sum + if axis.dot(dir) >= 0.0 { *up } else { *down })
     }
 }
 

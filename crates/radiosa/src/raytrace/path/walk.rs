@@ -249,7 +249,11 @@ impl<'a> Walk<'a> {
             // What stands behind the scene is seen in mirrors, but lights nothing.
             return eye::behind(self.world, dir, self.method.has_backdrop, false);
         }
-        self.method.sky(self.world, dir)
+        let weight = match (onward.last, &self.method.sky) {
+            (Some(last), Some(sampler)) => power_heuristic(last.pdf, sampler.pdf(dir)),
+            _ => 1.0,
+        };
+        self.world.sky().map_or(Spectrum::BLACK, |sky| sky.radiance(dir)) * weight + self.method.hemispheres(dir)
     }
 
     /// What a surface emits towards a scattered ray, weighed where it could have been found from the surface before as well.
@@ -338,6 +342,14 @@ impl<'a> Walk<'a> {
                 let world = self.world;
                 let radiance = || world.emission_from(drawn.surface, drawn.position);
                 let part = self.looked_at(surface, shading, scatter, (drawn.wi, drawn.pdf), ray, radiance);
+                light.diffuse += part.diffuse;
+                light.specular += part.specular;
+            }
+        }
+        if let (Some(sampler), Some(sky)) = (&method.sky, self.world.sky()) {
+            let [u, _] = self.next_4d();
+            if let Some((wi, pdf)) = sampler.sample(u) {
+                let part = self.looked_at(surface, shading, scatter, (wi, pdf), surface.ray(wi), || sky.radiance(wi));
                 light.diffuse += part.diffuse;
                 light.specular += part.specular;
             }

@@ -1,0 +1,219 @@
+//! What surfaces scatter, drawn by chance: the mean of the weights is the directional albedo of the table (`brdf.json`), and directions follow their density (χ²).
+//! Each with a wrong twin that is caught.
+#![expect(clippy::print_stdout, reason = "tests say what they measured")]
+
+use std::f64::consts::TAU;
+
+use radiosa::bsdf::{Bsdf, FactorsOnly, Highlights, Scatter, Way};
+use radiosa::math::Vec3;
+use radiosa::sampling::Stream;
+use radiosa::scene::{
+    ColorMap, CookTorrance, Distribution, Form, Fresnel, Material, MetallicRoughness, Model, Phong, PhongLobe, ScalarMap,
+    Shadowing,
+};
+use radiosa::spectrum::Spectrum;
+use serde_json::Value;
+
+fn resolve(model: Model) -> Bsdf {
+    Bsdf::resolve(&Material { model, ..Material::default() }, &FactorsOnly)
+}
+
+fn cook(distribution: Distribution, shadowing: Shadowing, fresnel: Fresnel, alpha: f32, k_d: f32) -> Bsdf {
+    resolve(Model::CookTorrance(CookTorrance {
+        ambient: None,
+        diffuse: ColorMap::constant(Spectrum::gray(k_d)),
+        specular: ColorMap::constant(Spectrum::WHITE),
+        alpha: ScalarMap::constant(alpha),
+        distribution,
+        shadowing,
+        fresnel,
+        form: Form::Modern,
+    }))
+}
+
+fn phong(lobe: PhongLobe, exponent: f32, k_d: f32, k_s: f32) -> Bsdf {
+    resolve(Model::Phong(Phong {
+        diffuse: ColorMap::constant(Spectrum::gray(k_d)),
+        specular: ColorMap::constant(Spectrum::gray(k_s)),
+        exponent: ScalarMap::constant(exponent),
+        lobe,
+        ..Phong::default()
+    }))
+}
+
+fn gltf(metallic: f32, roughness: f32) -> Bsdf {
+    resolve(Model::MetallicRoughness(MetallicRoughness {
+        base_color: ColorMap::constant(Spectrum::gray(0.6)),
+        metallic: ScalarMap::constant(metallic),
+        roughness: ScalarMap::constant(roughness),
+        ..MetallicRoughness::default()
+    }))
+}
+
+fn viewer(theta: f64) -> Vec3 {
+    Vec3::new(theta.sin() as f32, 0.0, theta.cos() as f32)
+}
+
+fn seen(bsdf: Bsdf, theta: f64) -> Scatter {
+    Scatter::new(bsdf, Vec3::Z, viewer(theta), true, Highlights::Lobe)
+}
+
+/// Mean weight of many directions, of one channel, and its standard error.
+fn albedo(scatter: &Scatter, n: u32) -> (f64, f64) {
+    let mut stream = Stream::new(1, 2, 3);
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for _ in 0..n {
+        let weight = scatter.sample(stream.next_2d(), stream.next_f32()).map_or(0.0, |s| f64::from(s.weight.sum().g));
+        sum += weight;
+        squares += weight * weight;
+    }
+    let mean = sum / f64::from(n);
+    (mean, ((squares / f64::from(n) - mean * mean).max(0.0) / f64::from(n)).sqrt())
+}
+
+#[test]
+fn mean_weights_are_the_directional_albedos_of_the_table() {
+    let path = radiosa_testkit::data_dir().join("brdf.json");
+    let data: Value = serde_json::from_str(&std::fs::read_to_string(path).expect("it is in the testkit")).expect("it is JSON");
+    let rows = data["directional_albedo"]["values"].as_array().expect("a list");
+    let (mut n, mut worst, mut n_caught) = (0, 0.0f64, 0);
+    for row in rows {
+        let number = |name: &str| row[name].as_f64().expect("a number") as f32;
+        let (bsdf, values) = match row["model"].as_str().expect("a name") {
+            "cook-torrance" => {
+                let distribution = if row["D"] == "ggx" { Distribution::Ggx } else { Distribution::Beckmann };
+                let shadowing = match row["G"].as_str().expect("a name") {
+                    "vcavity" => Shadowing::VCavity,
+                    "smith" => Shadowing::Smith,
+                    _ => Shadowing::SmithCorrelated,
+                };
+                let gold = |n, k| Fresnel::Conductor { n: Spectrum::gray(n), k: Spectrum::gray(k) };
+                let fresnel = match row["fresnel"].as_str().expect("a name") {
+                    "F=1" => Fresnel::One,
+                    "dielectric n=1.5" => Fresnel::Dielectric { ior: 1.5 },
+                    "schlick F0=0.04" => Fresnel::Schlick { f0: Spectrum::gray(0.04) },
+                    "Au at 0.6595 um" => gold(0.14, 3.697),
+                    "Au at 0.5486 um" => gold(0.43, 2.455),
+                    _ => gold(1.38, 1.914),
+                };
+                (cook(distribution, shadowing, fresnel, number("alpha"), 0.0), &row["value"])
+            }
+            name if name.starts_with("phong") => {
+                (phong(PhongLobe::Phong, number("exponent"), 0.0, 1.0), &row["times_normalisation"])
+            }
+            _ => (phong(PhongLobe::BlinnPhong, number("exponent"), 0.0, 1.0), &row["times_exact_normalisation"]),
+        };
+        let (angles, values) = (row["theta"].as_array().expect("angles"), values.as_array().expect("values"));
+        for (theta, expected) in angles.iter().zip(values) {
+            let (theta, expected) = (theta.as_f64().expect("an angle"), expected.as_f64().expect("a value"));
+            let (mean, error) = albedo(&seen(bsdf, theta.to_radians()), 40_000);
+            let z = (mean - expected).abs() / (error + 2e-4 * expected);
+            n += 1;
+            worst = worst.max(z);
+            assert!(z < 4.5, "{row} at {theta}: {mean} ± {error} for {expected}");
+            // The twin knows nothing of the share that is lost.
+            n_caught += u32::from((mean - 1.0).abs() > 4.5 * error + 2e-4);
+        }
+    }
+    println!("{n} albedos, largest |z| {worst:.2}; of a twin that is lossless {n_caught} are caught");
+    assert!(n > 400 && n_caught > 300);
+}
+
+/// χ² of drawn directions over cells of height and longitude against the integral of the density `pdf` gives, with the cells that count.
+fn chi_square(scatter: &Scatter, pdf: impl Fn(Vec3) -> f32) -> (f64, f64) {
+    const ROWS: usize = 12;
+    const COLUMNS: usize = 24;
+    const FINE: usize = 24;
+    const N: u32 = 200_000;
+    let dir = |z: f64, phi: f64| {
+        let r = (1.0 - z * z).max(0.0).sqrt();
+        Vec3::new((r * phi.cos()) as f32, (r * phi.sin()) as f32, z as f32)
+    };
+    let mut expected = vec![0.0; ROWS * COLUMNS];
+    for (k, e) in expected.iter_mut().enumerate() {
+        for i in 0..FINE * FINE {
+            let z = ((k / COLUMNS) as f64 + ((i / FINE) as f64 + 0.5) / FINE as f64) / ROWS as f64;
+            let phi = TAU * ((k % COLUMNS) as f64 + ((i % FINE) as f64 + 0.5) / FINE as f64) / COLUMNS as f64;
+            *e += f64::from(pdf(dir(z, phi))) * TAU / (ROWS * COLUMNS * FINE * FINE) as f64 * f64::from(N);
+        }
+    }
+    let mut count = vec![0.0; ROWS * COLUMNS];
+    let mut stream = Stream::new(5, 6, 7);
+    for _ in 0..N {
+        let Some(drawn) = scatter.sample(stream.next_2d(), stream.next_f32()) else { continue };
+        let Way::Rough { pdf } = drawn.way else { continue };
+        assert!((scatter.evaluate(drawn.wi).1 / pdf - 1.0).abs() < 1e-4);
+        let turn = f64::from(drawn.wi.y).atan2(f64::from(drawn.wi.x)).rem_euclid(TAU) / TAU;
+        let row = ((f64::from(drawn.wi.z) * ROWS as f64) as usize).min(ROWS - 1);
+        count[row * COLUMNS + ((turn * COLUMNS as f64) as usize).min(COLUMNS - 1)] += 1.0;
+    }
+    let cells = expected.iter().zip(&count).filter(|(e, _)| **e > 10.0);
+    let terms: Vec<f64> = cells.map(|(e, c): (&f64, &f64)| (c - e).powi(2) / e).collect();
+    let n = terms.len() as f64;
+    // Wilson–Hilferty: about normal.
+    let z = ((terms.iter().sum::<f64>() / n).cbrt() - (1.0 - 2.0 / (9.0 * n))) / (2.0 / (9.0 * n)).sqrt();
+    (z, n)
+}
+
+#[test]
+fn directions_follow_their_density() {
+    use Distribution::{Beckmann, Ggx};
+    let one = |d, alpha, k_d| cook(d, Shadowing::SmithCorrelated, Fresnel::One, alpha, k_d);
+    let surfaces = [
+        ("Lambert", phong(PhongLobe::Phong, 1.0, 0.7, 0.0)),
+        ("Phong", phong(PhongLobe::Phong, 12.0, 0.3, 0.6)),
+        ("Blinn–Phong", phong(PhongLobe::BlinnPhong, 20.0, 0.3, 0.6)),
+        ("GGX", one(Ggx, 0.3, 0.0)),
+        ("GGX, rough", one(Ggx, 0.9, 0.2)),
+        ("Beckmann", one(Beckmann, 0.4, 0.0)),
+        ("glTF dielectric", gltf(0.0, 0.5)),
+        ("glTF metal", gltf(1.0, 0.6)),
+    ];
+    let (mut worst, mut n_caught, mut n) = (0.0f64, 0, 0);
+    for (name, bsdf) in surfaces {
+        for theta in [0.1, 0.8, 1.35] {
+            let scatter = seen(bsdf, theta);
+            let (z, cells) = chi_square(&scatter, |wi| scatter.evaluate(wi).1);
+            worst = worst.max(z);
+            // Once in 10⁶ for all of them; the midpoint rule takes its part at the sharpest lobes.
+            assert!(z < 6.0, "{name} at {theta}: z {z} over {cells} cells");
+            // The twin claims the density of another lobe.
+            let other = seen(one(Ggx, 0.6, 0.5), theta);
+            n_caught += u32::from(chi_square(&scatter, |wi| other.evaluate(wi).1).0 > 6.0);
+            n += 1;
+        }
+    }
+    println!("largest z {worst:.2}; of {n} twins {n_caught} are caught");
+    assert_eq!(n_caught, n);
+}
+
+#[test]
+fn lobes_reflect_no_more_than_all_and_perfect_rays_are_chosen_by_their_weight() {
+    // k_d + k_s = 1.4: the highlight takes what the diffuse lobe leaves.
+    for theta in [0.0, 0.7, 1.4] {
+        let (mean, error) = albedo(&seen(phong(PhongLobe::Phong, 9.0, 0.7, 0.7), theta), 20_000);
+        assert!(mean < 1.0 + 4.0 * error, "{mean} at {theta}");
+    }
+    let model = Model::Phong(Phong {
+        diffuse: ColorMap::constant(Spectrum::gray(0.2)),
+        mirror: Spectrum::gray(0.3),
+        transmission: Spectrum::gray(0.4),
+        ..Phong::default()
+    });
+    let scatter = seen(resolve(model), 0.5);
+    let mut stream = Stream::new(8, 0, 0);
+    let mut counts = [0.0f64; 3];
+    for _ in 0..20_000 {
+        let drawn = scatter.sample(stream.next_2d(), stream.next_f32()).expect("something is reflected");
+        let k = match drawn.way {
+            Way::Rough { .. } => 0,
+            Way::Reflected => 1,
+            Way::Refracted => 2,
+        };
+        counts[k] += 1.0 / 20_000.0;
+        assert!((f64::from(drawn.weight.sum().g) - 0.9).abs() < 1e-4, "every way weighs the same");
+    }
+    for (count, share) in counts.iter().zip([2.0 / 9.0, 3.0 / 9.0, 4.0 / 9.0]) {
+        assert!((count - share).abs() < 0.02, "{counts:?}");
+    }
+}
