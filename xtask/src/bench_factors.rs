@@ -7,9 +7,10 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
+
+use crate::bench_whitted::Cost;
 
 /// A scene: its name, cells along an edge of the room, and those along an edge of the cube.
 type Room = (&'static str, u32, Option<u32>);
@@ -34,7 +35,8 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
         let ours = |tolerance: &str, more: &[&str], out: &Path| -> Result<[f64; 2]> {
             let mut command = Command::new(root.join("target/release/radiosa"));
             command.arg("factors").arg(&scene).args(["--by", "patch", "--tolerance", tolerance, "--threads", "2", "--quiet"]);
-            timed(command.args(more).arg("-o").arg(out))
+            let Cost { processor, wall, .. } = Cost::of(command.args(more).arg("-o").arg(out))?;
+            Ok([processor, wall])
         };
         let reference = path("reference.npz");
         let is_large = n_faces > 2000;
@@ -75,14 +77,7 @@ fn install(folder: &Path) -> Result<PathBuf> {
     Ok(python)
 }
 
-/// Seconds of processor and wall of a command.
-fn timed(command: &mut Command) -> Result<[f64; 2]> {
-    let (before, start) = (crate::bench_whitted::children_time()?, Instant::now());
-    crate::run(command)?;
-    Ok([crate::bench_whitted::children_time()? - before, start.elapsed().as_secs_f64()])
-}
-
-/// The same as pyviewfactor's own process measures it.
+/// Seconds of processor and wall, as pyviewfactor's own process measures them.
 fn theirs_timed(python: &Path, script: &Path, scene: &Path, out: &Path) -> Result<[f64; 2]> {
     let output = Command::new(python).arg(script).arg("compute").args([scene, out]).env("NUMBA_NUM_THREADS", "2").output()?;
     let said = String::from_utf8_lossy(&output.stdout).into_owned();

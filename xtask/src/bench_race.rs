@@ -26,14 +26,9 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     if Command::new("povray").arg("--version").output().is_err() {
         bail!("this compares with POV-Ray 3.7, which is not installed; on Debian: apt-get install povray");
     }
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let build =
-        |args: &[&str]| Command::new(&cargo).current_dir(root).args(["build", "--release", "--quiet"]).args(args).status();
-    if !build(&["--package", "radiosa-cli"])?.success()
-        || !build(&["--package", "radiosa", "--example", "picture_error"])?.success()
-    {
-        bail!("the command cannot be built");
-    }
+    crate::run(crate::cargo().current_dir(root).args(["build", "--release", "--quiet", "--package", "radiosa-cli"]))?;
+    let example = ["build", "--release", "--quiet", "--package", "radiosa", "--example", "picture_error"];
+    crate::run(crate::cargo().current_dir(root).args(example))?;
     let pictures = root.join("target/bench-race");
     std::fs::create_dir_all(&pictures).context("cannot make a folder for the pictures")?;
     let file = |k: usize, ending: &str| pictures.join(format!("{k}.{ending}"));

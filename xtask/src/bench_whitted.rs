@@ -23,12 +23,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     if Command::new("povray").arg("--version").output().is_err() {
         bail!("this compares with POV-Ray 3.7, which is not installed; on Debian: apt-get install povray");
     }
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let built =
-        Command::new(cargo).current_dir(root).args(["build", "--release", "--quiet", "--package", "radiosa-cli"]).status()?;
-    if !built.success() {
-        bail!("the command cannot be built");
-    }
+    crate::run(crate::cargo().current_dir(root).args(["build", "--release", "--quiet", "--package", "radiosa-cli"]))?;
     let pictures: PathBuf = root.join("target/bench-whitted");
     std::fs::create_dir_all(&pictures).context("cannot make a folder for the pictures")?;
     println!(
@@ -95,7 +90,7 @@ impl Cost {
 }
 
 /// User and system time of the children that have ended: fields 16 and 17 of `/proc/self/stat`, in hundredths of a second.
-pub(crate) fn children_time() -> Result<f64> {
+fn children_time() -> Result<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat").context("this needs Linux's /proc")?;
     let after_name = stat.rsplit(')').next().unwrap_or_default();
     let fields: Vec<f64> = after_name.split_whitespace().skip(13).take(2).filter_map(|f| f.parse().ok()).collect();

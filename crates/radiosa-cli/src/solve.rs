@@ -231,12 +231,12 @@ fn solved(
         }
         let solver = radiosity.progress().name();
         let limited = radiosity.limited();
-        warnings.retain(|(name, _)| *name != "factors");
+        // Of the last mesh alone.
+        warnings.retain(|(name, _)| !matches!(*name, "factors" | "tolerance"));
         if limited.rows > 0 {
             let (rows, n, largest) = (limited.rows, radiosity.solution().system.n(), limited.largest);
             warnings.push(("factors", format!("form factors of {rows} of {n} elements summed to more than there is, up to {largest:.3}, and were brought down")));
         }
-        warnings.retain(|(name, _)| *name != "tolerance");
         if let (Progress::Hierarchical(found), solve::Solver::Hierarchical(asked)) = (radiosity.progress(), &settings.solver)
             && found.tolerance() > asked.tolerance
         {

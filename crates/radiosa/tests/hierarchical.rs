@@ -1,19 +1,14 @@
 //! Links between groups of elements against the matrix of all pairs, and what must hold for any of them.
 
-use std::fmt::Write as _;
-use std::path::Path;
+mod common;
 
-use radiosa::math::CpuPath;
+use std::fmt::Write as _;
+
+use common::{scene_of, world_of};
 use radiosa::radiosity::hierarchical;
 use radiosa::radiosity::solve::Solver as Method;
 use radiosa::radiosity::{self, Solution};
 use radiosa::transport::World;
-
-fn world(text: &str) -> World {
-    let scene =
-        radiosa::import::load_bytes(text.as_bytes(), Path::new("room.toml"), &Default::default()).expect("it is a scene").0;
-    World::prepare(scene, CpuPath::detect()).expect("it is valid")
-}
 
 fn solve(world: &World, elements: u32, solver: Method) -> Solution {
     let mut settings = radiosity::Settings { solver, ..Default::default() };
@@ -53,7 +48,7 @@ fn error(of: &Solution, truth: &Solution) -> f64 {
 
 #[test]
 fn links_tend_to_the_matrix_with_fewer_of_them() {
-    let world = world(&room(&[[0.5, 0.0, 1.0, 1.0, 1.2, 1.0], [2.5, 0.0, 3.0, 0.8, 2.0, 0.9]], 0.7));
+    let world = world_of(scene_of(&room(&[[0.5, 0.0, 1.0, 1.0, 1.2, 1.0], [2.5, 0.0, 3.0, 0.8, 2.0, 0.9]], 0.7)));
     let truth = solve(&world, 2000, Method::GaussSeidel);
     let found = [1.0, 0.1, 0.01, 1e-3, 1e-4].map(|tolerance| {
         let solution = solve(&world, 2000, links(tolerance));
@@ -80,7 +75,7 @@ fn no_room_makes_light_or_takes_it_or_has_less_than_none() {
             [at(0) * 3.0, at(1) * 0.5 * f64::from(u32::from(b > 1)), at(2) * 4.0, 0.1 + at(3), 0.1 + at(4) * 2.0, 0.1 + at(5)]
         };
         let boxes: Vec<[f64; 6]> = (0..1 + seed % 5).map(of).collect();
-        let world = world(&room(&boxes, 0.5 + 0.45 * number(999)));
+        let world = world_of(scene_of(&room(&boxes, 0.5 + 0.45 * number(999))));
         let solution = solve(&world, 600, links([0.3, 0.03][seed as usize % 2]));
         let balance = solution.balance;
         assert!(balance.error() < 1e-3 && balance.unshot[0].abs() < 1e-4 * balance.emitted[0], "{seed}: {balance:?}");
@@ -94,7 +89,7 @@ fn no_room_makes_light_or_takes_it_or_has_less_than_none() {
 
 #[test]
 fn the_same_bits_at_any_thread_count() {
-    let world = world(&room(&[[0.5, 0.0, 1.0, 1.0, 1.2, 1.0]], 0.7));
+    let world = world_of(scene_of(&room(&[[0.5, 0.0, 1.0, 1.0, 1.2, 1.0]], 0.7)));
     let of = |n: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads");
         pool.install(|| solve(&world, 800, links(0.03)))
@@ -111,7 +106,7 @@ fn the_same_bits_at_any_thread_count() {
 
 #[test]
 fn few_links_raise_the_tolerance() {
-    let world = world(&room(&[], 0.7));
+    let world = world_of(scene_of(&room(&[], 0.7)));
     let of =
         |max_links| solve(&world, 2000, Method::Hierarchical(hierarchical::Settings { tolerance: 1e-3, max_links })).n_factors;
     let (all, few) = (of(usize::MAX), of(50_000));

@@ -1,23 +1,16 @@
 //! The hybrid against closed forms, against references, and against itself.
 
+mod common;
+
+use common::{FURNACE, below, scene_of, world_of};
 use radiosa::film::{Decomposition, Film, Filter, Layer, Sampling};
 use radiosa::hybrid::{Filling, FinalGather, Hybrid, Settings};
-use radiosa::math::{CpuPath, Ray, Vec3};
+use radiosa::math::Vec3;
 use radiosa::radiosity::{self, Solution};
 use radiosa::raytrace::{tiles::TiledRender, whitted};
-use radiosa::scene::Scene;
 use radiosa::spectrum::Spectrum;
-use radiosa::transport::{Solver, Step, Surface, View, World, framing};
+use radiosa::transport::{Solver, Step, View, World, framing};
 use serde_json::Value;
-
-fn scene_of(text: &str) -> Scene {
-    let path = std::path::Path::new("room.toml");
-    radiosa::import::load_bytes(text.as_bytes(), path, &radiosa::import::Options::default()).expect("it is a scene").0
-}
-
-fn world_of(scene: Scene) -> World {
-    World::prepare(scene, CpuPath::detect()).expect("it is valid")
-}
 
 fn solved(world: &World, elements: u32) -> Solution {
     let mut settings = radiosity::Settings::default();
@@ -47,30 +40,6 @@ fn picture(world: &World, solution: &Solution, settings: &Settings, layers: &[La
 fn colors(film: &Film) -> impl Iterator<Item = f32> + '_ {
     film.planes().iter().filter(|p| p.layer == Layer::Color).flat_map(|p| p.values.iter().copied())
 }
-
-/// The surface below a point, and which way is up.
-fn below(world: &World, p: Vec3, n: Vec3) -> Surface {
-    let ray = Ray::new(p - world.origin().as_vec3() + n * 1e-3, -n);
-    world.closest_visible(&ray).expect("a surface").1
-}
-
-/// All surfaces emit `1 − ρ` and reflect ρ: light of radiance 1 is everywhere.
-const FURNACE: &str = r#"
-[camera.c]
-position = [0.8, 0.7, 0.9]
-look_at = [-0.3, -0.5, -0.6]
-[material.a]
-lambert = 0.6
-emission = 0.4
-[[shape]]
-name = "room"
-material = "a"
-box = { min = [-1, -1, -1], max = [1, 1, 1], inward = true }
-[[shape]]
-name = "block"
-material = "a"
-box = { min = [-0.6, -1, -0.7], max = [0.1, -0.2, 0] }
-"#;
 
 #[test]
 fn a_furnace_shows_one_everywhere() {

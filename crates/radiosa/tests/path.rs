@@ -1,23 +1,17 @@
 //! Path tracing against closed forms, against references, and against itself.
 #![expect(clippy::print_stdout, reason = "tests say what they measured")]
 
+mod common;
+
+use common::{FURNACE, below, scene_of, world_of};
 use radiosa::film::{Decomposition, Film, Filter, Layer, Sampling};
-use radiosa::math::{CpuPath, Ray, Vec3};
+use radiosa::math::Vec3;
 use radiosa::raytrace::path::{PathTracer, Settings};
 use radiosa::raytrace::tiles::TiledRender;
 use radiosa::scene::Scene;
-use radiosa::transport::{Solver, Step, Surface, View, World, framing};
+use radiosa::transport::{Solver, Step, View, World, framing};
 use rayon::prelude::*;
 use serde_json::Value;
-
-fn scene_of(text: &str) -> Scene {
-    let path = std::path::Path::new("room.toml");
-    radiosa::import::load_bytes(text.as_bytes(), path, &radiosa::import::Options::default()).expect("it is a scene").0
-}
-
-fn world_of(scene: Scene) -> World {
-    World::prepare(scene, CpuPath::detect()).expect("it is valid")
-}
 
 fn picture(world: &World, (side, spp): (u32, u32), settings: &Settings, layers: &[Layer]) -> Film {
     let camera = world.scene().cameras.first().cloned().unwrap_or_else(|| framing::automatic(world, 1.0));
@@ -27,12 +21,6 @@ fn picture(world: &World, (side, spp): (u32, u32), settings: &Settings, layers: 
     let mut render = TiledRender::new(&method, &view, sampling).expect("a film");
     while let Step::Working { .. } = render.step(world) {}
     render.into_film()
-}
-
-/// The surface below a point, and which way is up.
-fn below(world: &World, p: Vec3, n: Vec3) -> Surface {
-    let ray = Ray::new(p - world.origin().as_vec3() + n * 1e-3, -n);
-    world.closest_visible(&ray).expect("a surface").1
 }
 
 /// `|z|` at most and rms over the points and surfaces of the Cornell box's reference, and the largest and median standard error of our own.
@@ -224,22 +212,7 @@ fn a_convex_object_in_uniform_surroundings_shows_its_albedo() {
 
 #[test]
 fn a_closed_furnace_shows_one_everywhere() {
-    let world = world_of(scene_of(
-        r#"
-[camera.c]
-position = [0.8, 0.7, 0.9]
-look_at = [-0.3, -0.5, -0.6]
-[material.a]
-lambert = 0.6
-emission = 0.4
-[[shape]]
-material = "a"
-box = { min = [-1, -1, -1], max = [1, 1, 1], inward = true }
-[[shape]]
-material = "a"
-box = { min = [-0.6, -1, -0.7], max = [0.1, -0.2, 0] }
-"#,
-    ));
+    let world = world_of(scene_of(FURNACE));
     let film = picture(&world, (32, 64), &Settings::default(), &[Layer::Color, Layer::Variance]);
     let (mut sum, mut variance, mut n) = (0.0, 0.0, 0.0);
     for y in 0..32 {

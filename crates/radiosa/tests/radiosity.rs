@@ -1,5 +1,8 @@
 //! Radiosity against closed environments and references.
 
+mod common;
+
+use common::scene_of;
 use radiosa::math::{CpuPath, DAffine3, DVec3, Ray, Vec3};
 use radiosa::radiosity::form_factor::analytic;
 use radiosa::radiosity::solve::{Solver as Method, shooting, stochastic};
@@ -366,11 +369,6 @@ name = "lamp"
 material = "l"
 quad = [[-0.5, 2.99, -0.5], [0.5, 2.99, -0.5], [0.5, 2.99, 0.5], [-0.5, 2.99, 0.5]]
 "#;
-
-fn scene_of(text: &str) -> Scene {
-    let path = std::path::Path::new("room.toml");
-    radiosa::import::load_bytes(text.as_bytes(), path, &radiosa::import::Options::default()).expect("it is a scene").0
-}
 
 #[test]
 fn a_sheet_in_the_plane_of_a_floor_or_just_above_changes_nothing() {

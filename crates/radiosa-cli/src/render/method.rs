@@ -144,8 +144,7 @@ fn methods_of(option: &str) -> Option<&'static [Method]> {
     use Method::{Hybrid, Path, Radiosity, Raycast, Scanline, Whitted};
     Some(match option {
         "interpolation" | "cull" | "tessellation" => &[Scanline],
-        "max-depth" | "fresnel" => &[Whitted, Hybrid, Path],
-        "samples" => &[Whitted, Hybrid, Path],
+        "max-depth" | "fresnel" | "samples" => &[Whitted, Hybrid, Path],
         "min-weight" | "transparent-shadows" => &[Whitted, Hybrid],
         "phong" => &[Path],
         "adaptive" => &[Raycast, Whitted, Radiosity, Hybrid],
@@ -342,9 +341,7 @@ pub(crate) fn draw(
         }
         Method::Path => {
             let method = PathTracer::new(world, &path_settings(stage, picture, &lighting.extra_lights));
-            let mut render = tiles::TiledRender::new(&method, view, sampling)?;
-            let done = watch.run(&mut render, world, tiles::TiledRender::n_rays);
-            Ok(Drawing { done, count: render.n_rays(), film: render.into_film(), lines: None })
+            tiled(&method, stage, sampling, watch)
         }
         Method::Scanline => {
             let settings = scanline_settings(picture, &lighting.extra_lights);
@@ -361,6 +358,13 @@ fn overlay(stage: &Stage, picture: &Picture, solved_in: &World, solution: &Solut
     picture.overlay.map(|args::Overlay::Mesh| lines::borders(solved_in, &solution.mesh, &stage.view, size))
 }
 
+/// Draws by rays with a fixed number of samples a pixel.
+fn tiled(method: &impl Integrator, stage: &Stage, sampling: film::Sampling, watch: &Watch) -> Result<Drawing, Error> {
+    let mut render = tiles::TiledRender::new(method, &stage.view, sampling)?;
+    let done = watch.run(&mut render, &stage.world, tiles::TiledRender::n_rays);
+    Ok(Drawing { done, count: render.n_rays(), film: render.into_film(), lines: None })
+}
+
 /// Draws by rays: a fixed number of samples a pixel, or more where they differ.
 fn trace(
     method: &impl Integrator,
@@ -372,9 +376,7 @@ fn trace(
 ) -> Result<Drawing, Error> {
     let (world, view) = (&stage.world, &stage.view);
     let Some(threshold) = picture.adaptive else {
-        let mut render = tiles::TiledRender::new(method, view, sampling)?;
-        let done = watch.run(&mut render, world, tiles::TiledRender::n_rays);
-        return Ok(Drawing { done, count: render.n_rays(), film: render.into_film(), lines: None });
+        return tiled(method, stage, sampling, watch);
     };
     let settings = adaptive::Settings {
         width: sampling.width,

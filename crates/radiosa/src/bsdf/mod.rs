@@ -82,6 +82,13 @@ impl Lobes {
     }
 }
 
+impl std::ops::AddAssign for Lobes {
+    fn add_assign(&mut self, other: Self) {
+        self.diffuse += other.diffuse;
+        self.specular += other.specular;
+    }
+}
+
 /// A reflection function at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bsdf {

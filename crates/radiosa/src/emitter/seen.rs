@@ -301,6 +301,24 @@ mod tests {
         EmissiveSurface { shape, radiance: Spectrum::gray(2.0), two_sided, instance: InstanceId(0), primitive: 0 }
     }
 
+    /// One of each kind, about a metre and a half above the origin.
+    fn shapes() -> [EmissiveShape; 4] {
+        let triangle = EmissiveShape::Triangle([Vec3::new(-1.0, -0.5, 1.0), Vec3::new(0.3, 1.5, 1.2), Vec3::new(1.0, -0.8, 0.9)]);
+        let ball = EmissiveShape::Sphere(Affine3A::from_mat3_translation(
+            Mat3::from_diagonal(Vec3::splat(0.7)),
+            Vec3::new(0.2, -0.1, 1.5),
+        ));
+        let egg = EmissiveShape::Sphere(Affine3A::from_mat3_translation(
+            Mat3::from_diagonal(Vec3::new(0.3, 0.9, 0.5)),
+            Vec3::new(0.2, -0.1, 1.5),
+        ));
+        let disc = EmissiveShape::Disc(Affine3A::from_mat3_translation(
+            Mat3::from_cols(Vec3::new(0.8, 0.0, 0.2), Vec3::new(-0.2, 0.0, -1.0), Vec3::new(0.0, -0.9, 0.1)),
+            Vec3::new(0.2, -0.1, 1.5),
+        ));
+        [triangle, ball, egg, disc]
+    }
+
     /// The irradiance of `p` by the midpoint rule over the surface, L = 2; a twin may leave out the receiver's horizon.
     fn by_quadrature(s: &EmissiveSurface, p: Vec3, n: Vec3, with_horizon: bool) -> f64 {
         const N: u32 = 600;
@@ -337,20 +355,7 @@ mod tests {
 
     #[test]
     fn points_on_every_shape_bring_its_light() {
-        let triangle = EmissiveShape::Triangle([Vec3::new(-1.0, -0.5, 1.0), Vec3::new(0.3, 1.5, 1.2), Vec3::new(1.0, -0.8, 0.9)]);
-        let ball = EmissiveShape::Sphere(Affine3A::from_scale_rotation_translation(
-            Vec3::splat(0.7),
-            crate::math::DQuat::IDENTITY.as_quat(),
-            Vec3::new(0.2, -0.1, 1.5),
-        ));
-        let egg = EmissiveShape::Sphere(Affine3A::from_mat3_translation(
-            Mat3::from_diagonal(Vec3::new(0.3, 0.9, 0.5)),
-            Vec3::new(0.2, -0.1, 1.5),
-        ));
-        let disc = EmissiveShape::Disc(Affine3A::from_mat3_translation(
-            Mat3::from_cols(Vec3::new(0.8, 0.0, 0.2), Vec3::new(-0.2, 0.0, -1.0), Vec3::new(0.0, -0.9, 0.1)),
-            Vec3::new(0.2, -0.1, 1.5),
-        ));
+        let [triangle, ball, egg, disc] = shapes();
         let flat = EmissiveShape::Triangle([Vec3::new(-3.0, -2.0, 0.05), Vec3::new(3.0, -2.0, 0.05), Vec3::new(0.0, 4.0, 0.05)]);
         let far = EmissiveShape::Triangle([Vec3::new(30.0, 0.0, 20.0), Vec3::new(30.0, 0.1, 20.0), Vec3::new(30.0, 0.0, 20.1)]);
         let mut beyond_the_horizon = 0;
@@ -401,19 +406,7 @@ mod tests {
 
     #[test]
     fn densities_are_those_points_are_drawn_with_and_integrate_to_one() {
-        let triangle = EmissiveShape::Triangle([Vec3::new(-1.0, -0.5, 1.0), Vec3::new(0.3, 1.5, 1.2), Vec3::new(1.0, -0.8, 0.9)]);
-        let ball = EmissiveShape::Sphere(Affine3A::from_mat3_translation(
-            Mat3::from_diagonal(Vec3::splat(0.7)),
-            Vec3::new(0.2, -0.1, 1.5),
-        ));
-        let egg = EmissiveShape::Sphere(Affine3A::from_mat3_translation(
-            Mat3::from_diagonal(Vec3::new(0.3, 0.9, 0.5)),
-            Vec3::new(0.2, -0.1, 1.5),
-        ));
-        let disc = EmissiveShape::Disc(Affine3A::from_mat3_translation(
-            Mat3::from_cols(Vec3::new(0.8, 0.0, 0.2), Vec3::new(-0.2, 0.0, -1.0), Vec3::new(0.0, -0.9, 0.1)),
-            Vec3::new(0.2, -0.1, 1.5),
-        ));
+        let [triangle, ball, egg, disc] = shapes();
         for (name, shape, two_sided) in
             [("triangle", triangle, true), ("ball", ball, false), ("egg", egg, true), ("disc", disc, true)]
         {

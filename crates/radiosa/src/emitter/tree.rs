@@ -355,6 +355,12 @@ mod tests {
             .collect()
     }
 
+    /// A point and a normal there.
+    fn place(stream: &mut Stream) -> (Vec3, Vec3) {
+        let p = Vec3::new(stream.next_f32(), stream.next_f32(), stream.next_f32());
+        (p, Vec3::new(stream.next_f32() - 0.5, stream.next_f32() - 0.5, 0.3).normalize())
+    }
+
     /// Probabilities, by surface, of all that `steps` numbers choose.
     fn chosen(tree: &Tree, p: Vec3, n: Vec3, steps: u32) -> std::collections::BTreeMap<u32, (f64, f64)> {
         let mut found = std::collections::BTreeMap::new();
@@ -374,8 +380,7 @@ mod tests {
         for size in [1, 6, 7, 60, 500] {
             let tree = Tree::new(&random(&mut stream, size));
             for _ in 0..5 {
-                let p = Vec3::new(stream.next_f32(), stream.next_f32(), stream.next_f32());
-                let n = Vec3::new(stream.next_f32() - 0.5, stream.next_f32() - 0.5, 0.3).normalize();
+                let (p, n) = place(&mut stream);
                 let found = chosen(&tree, p, n, 200_000);
                 for (primitive, (share, probability)) in &found {
                     assert!(
@@ -395,8 +400,7 @@ mod tests {
         for size in [1, 5, 7, 60, 500] {
             let tree = Tree::new(&random(&mut stream, size));
             for _ in 0..5 {
-                let p = Vec3::new(stream.next_f32(), stream.next_f32(), stream.next_f32());
-                let n = Vec3::new(stream.next_f32() - 0.5, stream.next_f32() - 0.5, 0.3).normalize();
+                let (p, n) = place(&mut stream);
                 let found = chosen(&tree, p, n, 20_000);
                 for (k, surface) in tree.surfaces().iter().enumerate() {
                     let asked = tree.probability(k, p, n).map_or(0.0, |(_, probability)| f64::from(probability));

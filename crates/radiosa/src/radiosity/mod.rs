@@ -24,6 +24,7 @@ mod exposure;
 pub mod form_factor;
 pub mod gather;
 mod groups;
+mod halve;
 pub mod hierarchical;
 pub mod lines;
 pub mod matrix;

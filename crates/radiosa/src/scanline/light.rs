@@ -187,7 +187,7 @@ impl Drawing<'_> {
         let mut shading = self.world.shading(surface, self.to_viewer(surface));
         let glass = if self.is_transparent(item) { shading.straight_transmission(surface) } else { Spectrum::BLACK };
         self.look_from_afar(&mut shading);
-        let emission = shading.emission + shading.bsdf.unlit().unwrap_or(Spectrum::BLACK);
+        let emission = shading.shown();
         shown.push(Shown { emission, coverage: shading.coverage, glass });
         if self.method.wants_data() {
             data.push(self.data(surface, &shading));

@@ -63,7 +63,7 @@ impl Straight {
             record(&mut pixel, world, &surface, &shading, travelled);
             let (glass, coverage) = (shading.straight_transmission(&surface), shading.coverage);
             let weight = open * coverage;
-            let emission = weight * (shading.emission + shading.bsdf.unlit().unwrap_or(Spectrum::BLACK));
+            let emission = weight * shading.shown();
             let (light, indirect) = light(&hit, &surface, shading, n_rays);
             let (ambient, diffuse, specular) = (weight * light.ambient, weight * light.diffuse, weight * light.specular);
             if through_glass {

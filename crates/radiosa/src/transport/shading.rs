@@ -46,6 +46,11 @@ impl Shading {
         Self { n, wo: n, bsdf: Bsdf::lambert(Spectrum::WHITE), emission: Spectrum::BLACK, coverage: 1.0 }
     }
 
+    /// What it shows whatever lights it: emission, and the colour of what is unlit.
+    pub(crate) fn shown(&self) -> Spectrum {
+        self.emission + self.bsdf.unlit().unwrap_or(Spectrum::BLACK)
+    }
+
     /// What passes straight through, seen from `wo` in vacuum ([`Bsdf::straight_transmission`]).
     pub fn straight_transmission(&self, surface: &Surface) -> Spectrum {
         self.bsdf.straight_transmission(self.n, self.wo, surface.is_front(self.wo), 1.0)

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use super::visibility::{Scratch, Visibility};
 use crate::math::DVec3;
+use crate::radiosity::halve;
 use crate::radiosity::mesh::Element;
 
 /// With fewer elements every pair is asked.
@@ -84,27 +85,16 @@ impl Blocks {
 
 /// Halves the elements along the axis of place or normal in which they differ most, until blocks are small.
 fn blocks(elements: &[Element]) -> Vec<Vec<u32>> {
-    let places: Vec<DVec3> = elements.iter().map(Element::centre).collect();
-    let (low, high) = places.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
-    let turn = TURN * (high - low).length();
-    let key = |i: u32, axis: usize| {
-        let i = i as usize;
-        if axis < 3 { places[i][axis] } else { turn * elements[i].normal[axis - 3] }
-    };
-    let mut waiting = vec![(0..elements.len() as u32).collect::<Vec<u32>>()];
+    let all = 0..elements.len() as u32;
+    let turn = TURN * halve::extent(elements, all.clone());
+    let mut waiting = vec![all.collect::<Vec<u32>>()];
     let mut done = Vec::new();
     while let Some(mut members) = waiting.pop() {
         if members.len() <= BLOCK {
             done.push(members);
             continue;
         }
-        let extent = |axis: usize| {
-            let range = members.iter().map(|&i| key(i, axis));
-            let (low, high) = range.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-            high - low
-        };
-        let axis = (0..6).max_by(|&a, &b| extent(a).total_cmp(&extent(b)).then(b.cmp(&a))).unwrap_or(0);
-        members.sort_by(|&i, &j| key(i, axis).total_cmp(&key(j, axis)).then(i.cmp(&j)));
+        halve::sort_for_halving(elements, &mut members, turn);
         let rest = members.split_off(members.len() / 2);
         waiting.extend([rest, members]);
     }

@@ -4,6 +4,7 @@
 //! one, and what is small and far away becomes a cluster. Source: [Smits94].
 
 use crate::math::DVec3;
+use crate::radiosity::halve;
 use crate::radiosity::mesh::Element;
 
 /// How many metres a normal that points the other way counts for, in sizes of the group that is halved.
@@ -55,7 +56,8 @@ impl Tree {
                 continue;
             }
             let of = &mut members[start as usize..end as usize];
-            halve(elements, of);
+            let turn = TURN * halve::extent(elements, of.iter().copied());
+            halve::sort_for_halving(elements, of, turn);
             let (a, b) = of.split_at(of.len() / 2);
             let children = [(a, start), (b, start + a.len() as u32)].map(|(of, start)| {
                 nodes.push(node(elements, of, start));
@@ -125,22 +127,4 @@ fn node(elements: &[Element], members: &[u32], start: u32) -> Node {
         low: corners().fold(DVec3::INFINITY, |low, c| low.min(*c)),
         high: corners().fold(DVec3::NEG_INFINITY, |high, c| high.max(*c)),
     }
-}
-
-/// Sorts elements along the axis of place or normal in which they differ most.
-fn halve(elements: &[Element], members: &mut [u32]) {
-    let places = |i: u32| elements[i as usize].centre();
-    let ends = members.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), &i| (l.min(places(i)), h.max(places(i))));
-    let turn = TURN * (ends.1 - ends.0).length();
-    let key = |i: u32, axis: usize| if axis < 3 { places(i)[axis] } else { turn * elements[i as usize].normal[axis - 3] };
-    let extent = |axis: usize| {
-        let range = members.iter().map(|&i| key(i, axis));
-        let (low, high) = range.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-        high - low
-    };
-    let extents: [f64; 6] = std::array::from_fn(extent);
-    let axis = (0..6).max_by(|&a, &b| extents[a].total_cmp(&extents[b]).then(b.cmp(&a))).unwrap_or(0);
-    let mut keyed: Vec<(f64, u32)> = members.iter().map(|&i| (key(i, axis), i)).collect();
-    keyed.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    members.iter_mut().zip(keyed).for_each(|(to, (_, i))| *to = i);
 }

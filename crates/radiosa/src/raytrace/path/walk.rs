@@ -91,7 +91,7 @@ impl<'a> Walk<'a> {
         };
         pixel.alpha = 1.0;
         eye::record(&mut pixel, self.world, &vertex.surface, &vertex.shading, vertex.travelled);
-        pixel.emission = open * (vertex.shading.emission + vertex.shading.bsdf.unlit().unwrap_or(Spectrum::BLACK));
+        pixel.emission = open * vertex.shading.shown();
         pixel.color = pixel.emission;
         if self.method.settings.max_depth == Some(0) {
             return pixel;
@@ -260,7 +260,7 @@ impl<'a> Walk<'a> {
     fn emission(&self, vertex: &Vertex, onward: &Onward) -> Spectrum {
         let Vertex { surface, shading, .. } = vertex;
         let Some(last) = onward.last else {
-            return shading.emission + shading.bsdf.unlit().unwrap_or(Spectrum::BLACK);
+            return shading.shown();
         };
         if shading.emission.is_black() {
             return Spectrum::BLACK;
@@ -341,17 +341,13 @@ impl<'a> Walk<'a> {
                 let ray = surface.shadow_ray(drawn.target);
                 let world = self.world;
                 let radiance = || world.emission_from(drawn.surface, drawn.position);
-                let part = self.looked_at(surface, shading, scatter, (drawn.wi, drawn.pdf), ray, radiance);
-                light.diffuse += part.diffuse;
-                light.specular += part.specular;
+                light += self.looked_at(surface, shading, scatter, (drawn.wi, drawn.pdf), ray, radiance);
             }
         }
         if let (Some(sampler), Some(sky)) = (&method.sky, self.world.sky()) {
             let [u, _] = self.next_4d();
             if let Some((wi, pdf)) = sampler.sample(u) {
-                let part = self.looked_at(surface, shading, scatter, (wi, pdf), surface.ray(wi), || sky.radiance(wi));
-                light.diffuse += part.diffuse;
-                light.specular += part.specular;
+                light += self.looked_at(surface, shading, scatter, (wi, pdf), surface.ray(wi), || sky.radiance(wi));
             }
         }
         light
