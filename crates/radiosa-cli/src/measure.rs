@@ -190,6 +190,9 @@ const OF_ONE: [u32; 2] = [4096, 1 << 16];
 /// Sensors up to which each looks closely at what is near.
 const DETAILED: usize = 256;
 
+/// Sensors of whose hemisphere more than this is nearer than elements are large follow rays out of their narrow place.
+const NARROW: f32 = 0.4;
+
 /// Paths of all sensors, about, and of one at most.
 const PATHS: u32 = 1 << 24;
 const PATHS_OF_ONE: u32 = 1 << 18;
@@ -216,25 +219,35 @@ fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec
     if done < 1.0 {
         tell(&format!("warning[unfinished]: {:.1} % of the light is solved for", done * 100.0));
     }
+    let placed: Vec<_> = sensors.iter().map(|sensor| sensor.place(world)).collect();
+    let key = |k: usize| rng::key(&[args.seed, k as u64]);
+    let reading =
+        |arriving: gather::Arriving| Reading { irradiance: arriving.irradiance, standard_error: arriving.standard_error };
+    let by_rays = |gather: &FinalGather<'_>, of: &[usize]| -> Vec<Reading> {
+        let rays = (RAYS / of.len().max(1) as u32).clamp(OF_ONE[0], OF_ONE[1]);
+        let at = |&k: &usize| reading(gather.sensor(&placed[k].0, placed[k].1, [rays, rays / 4], key(k)));
+        of.par_iter().map(at).collect()
+    };
+    let final_gather = FinalGather::new(world, &solution, &[], args.seed);
     if args.method == MeasureMethod::Hybrid {
-        let gather = FinalGather::new(world, &solution, &[], args.seed).settled();
-        let rays = (RAYS / sensors.len() as u32).clamp(OF_ONE[0], OF_ONE[1]);
-        let at = |(k, sensor): (usize, &Sensor)| {
-            let (surface, n) = sensor.place(world);
-            let arriving = gather.sensor(&surface, n, [rays, rays / 4], rng::key(&[args.seed, k as u64]));
-            Reading { irradiance: arriving.irradiance, standard_error: arriving.standard_error }
-        };
-        return Ok(sensors.par_iter().enumerate().map(at).collect());
+        return Ok(by_rays(&final_gather.settled(), &(0..sensors.len()).collect::<Vec<_>>()));
     }
+    let is_narrow = |&k: &usize| final_gather.nearness(&placed[k].0, placed[k].1, key(k)) > NARROW;
+    let narrow: Vec<usize> = match solution.system.medium.is_clear() {
+        true => (0..sensors.len()).into_par_iter().filter(is_narrow).collect(),
+        false => Vec::new(),
+    };
     let gather = gather::Gather::new(world, &solution, &[], args.seed);
     let gather = if sensors.len() <= DETAILED { gather.with_details() } else { gather };
-    let sensors = sensors.par_iter().enumerate();
-    let at = |scratch: &mut gather::Scratch, (k, sensor): (usize, &Sensor)| {
-        let (surface, n) = sensor.place(world);
-        let arriving = gather.at(&surface, n, k as u64, scratch);
-        Reading { irradiance: arriving.irradiance, standard_error: arriving.standard_error }
+    let at = |scratch: &mut gather::Scratch, k: usize| match narrow.binary_search(&k) {
+        Ok(_) => Reading::default(),
+        Err(_) => reading(gather.at(&placed[k].0, placed[k].1, k as u64, scratch)),
     };
-    Ok(sensors.map_init(gather::Scratch::default, at).collect())
+    let mut readings: Vec<Reading> = (0..sensors.len()).into_par_iter().map_init(gather::Scratch::default, at).collect();
+    for (k, reading) in narrow.iter().zip(by_rays(&final_gather, &narrow)) {
+        readings[*k] = reading;
+    }
+    Ok(readings)
 }
 
 /// The table, in the order of the sensors.

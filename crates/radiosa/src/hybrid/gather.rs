@@ -15,7 +15,7 @@ use crate::radiosity::Solution;
 use crate::radiosity::direct::DirectLight;
 use crate::radiosity::gather::Arriving;
 use crate::radiosity::mesh::{Element, ElementMesh};
-use crate::sampling::{Stream, rng, warp};
+use crate::sampling::{Stream, rng, sequence, warp};
 use crate::scene::{AlphaMode, Light, Material, Model};
 use crate::spectrum::{Spectrum, luminance};
 use crate::transport::media::Media;
@@ -31,6 +31,8 @@ const LAYERS: u32 = 16;
 /// Surfaces in a row that are looked at closely, and after how many a ray ends by chance.
 const BOUNCES: u32 = 64;
 const SURE: u32 = 2;
+/// Rays that tell how much is near a sensor.
+const PROBES: u32 = 128;
 /// Independent estimates at a sensor.
 const SETS: u32 = 16;
 /// Less than this of what a ray brings is not followed.
@@ -174,6 +176,22 @@ impl<'a> FinalGather<'a> {
         let off = |e: &Spectrum| f64::from((*e - irradiance).luminance()).powi(2);
         let variance = sets.iter().map(off).sum::<f64>() / f64::from(SETS * (SETS - 1));
         Arriving { irradiance, standard_error: variance.sqrt() }
+    }
+
+    /// The part of the hemisphere, by cosine, in which what is met is nearer than its element may be taken as a whole: of a sensor for which this is much, elements
+    /// know too little.
+    pub fn nearness(&self, surface: &Surface, n: Vec3, key: u64) -> f32 {
+        let frame = Frame::from_normal(n);
+        let is_near = |k: &u32| {
+            let dir = frame.to_world(warp::cosine_hemisphere(sequence::point_2d(*k, key)));
+            let ray = surface.ray(dir);
+            let hit = self.world.accel().closest(&ray);
+            hit.is_some_and(|hit| {
+                let element = self.mesh.element_at(&hit, ray.at(hit.t), dir);
+                element.is_some_and(|element| hit.t < self.near[element as usize])
+            })
+        };
+        (0..PROBES).filter(is_near).count() as f32 / PROBES as f32
     }
 
     /// What a ray brings, and how far it went.
