@@ -17,7 +17,6 @@ use serde_json::json;
 
 use crate::args::factors::{By, Correct, Estimator, Factors as Args, Kernel, Rule};
 use crate::error::Error;
-use crate::interrupt;
 use crate::render::output::{say_warnings, tell, warnings_json};
 use crate::render::{plan, with_threads};
 use crate::solve::factors_within_memory;
@@ -27,6 +26,10 @@ const UNOCCLUDED: f64 = 1e-2;
 
 /// Elements at most: factors are found by their numbers.
 const MAX_ELEMENTS: usize = 1 << 24;
+/// Of the mesh, and of what estimators keep of elements, about.
+const BYTES_AN_ELEMENT: u64 = 1500;
+/// Rows of a closed scene sum to this at least, in the mean.
+const CLOSED: f64 = 0.97;
 
 pub(crate) fn run(args: &Args, json: bool) -> Result<ExitCode, Error> {
     with_threads(&args.work, || factors(args, json))
@@ -38,7 +41,7 @@ fn factors(args: &Args, json: bool) -> Result<ExitCode, Error> {
         matrix::check_target(output)?;
     }
     if args.absorption > 0.0 && args.correct == Correct::Closure {
-        let message = "error: --correct closure makes rows sum to one, and with --absorption they do not\n";
+        let message = "--correct closure makes rows sum to one, and with --absorption they do not";
         return Err(Error::Misuse(message.into()));
     }
     let mut warnings = Vec::new();
@@ -66,11 +69,18 @@ fn factors(args: &Args, json: bool) -> Result<ExitCode, Error> {
         // Rows are of whole patches or cells.
         cuts_contacts: false,
     };
-    let mesh = ElementMesh::new(&world, &settings, &radiosa::radiosity::direct::DirectLight::new(&world, &[], 0));
-    if mesh.elements().len() > MAX_ELEMENTS {
-        let message = format!("the surfaces make {} elements, more than {MAX_ELEMENTS}", mesh.elements().len());
+    let n = ElementMesh::estimate(&world, &settings);
+    if n > MAX_ELEMENTS as u64 {
+        let message = format!("the surfaces make about {n} elements, more than {MAX_ELEMENTS}");
         return Err(Error::failed(message, "ask for a larger --size, or fewer --elements"));
     }
+    plan::within_memory_or(
+        &format!("a mesh of about {n} elements"),
+        n * BYTES_AN_ELEMENT,
+        &args.work,
+        "ask for a larger --size, fewer --elements, or a larger --max-memory",
+    )?;
+    let mesh = ElementMesh::new(&world, &settings, &radiosa::radiosity::direct::DirectLight::new(&world, &[], 0));
     let (group_of, names) = groups(&world, &mesh, args.by);
     let medium = Medium { absorption: [args.absorption; 3] };
     let factors = Factors::in_medium(&world, &mesh, &estimator(args), medium, args.seed);
@@ -81,6 +91,17 @@ fn factors(args: &Args, json: bool) -> Result<ExitCode, Error> {
     let prepared = start.elapsed();
     let mut between = Between::new(&factors, &group_of, names.len());
     let raw = between.report();
+    if args.correct == Correct::Closure && raw.row_sums[1] < CLOSED {
+        let message = format!(
+            "rows sum to {:.3} in the mean, so the scene is open: --correct closure makes up factors for what leaves it",
+            raw.row_sums[1]
+        );
+        let open = Warning { name: "open", path: PathBuf::from(&args.scene), message };
+        if !args.work.quiet {
+            say_warnings(std::slice::from_ref(&open));
+        }
+        warnings.push(open);
+    }
     match args.correct {
         Correct::None => {}
         Correct::Reciprocity => between.correct(Correction::Reciprocity),
@@ -141,7 +162,7 @@ fn factors(args: &Args, json: bool) -> Result<ExitCode, Error> {
         });
         crate::version::say(&report.to_string());
     }
-    Ok(if interrupt::asked() { ExitCode::from(130) } else { ExitCode::SUCCESS })
+    Ok(ExitCode::SUCCESS)
 }
 
 fn estimator(args: &Args) -> form_factor::Estimator {

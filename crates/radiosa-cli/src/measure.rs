@@ -61,7 +61,10 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
     let (sensors, grid) = sensors(args, &world)?;
     let prepared = start.elapsed();
     if sensors.is_empty() {
-        return Err(Error::failed("there are no sensors", "measure on a finer --grid, at another --height, or at --points"));
+        return Err(Error::failed(
+            "there are no sensors",
+            "measure on a finer --grid, at another --height, or at --points; a grid stands over surfaces that face up",
+        ));
     }
     if !args.work.quiet {
         output::say_warnings(&warnings);
@@ -123,7 +126,9 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
         tell(&format!("time        {:.2} s", start.elapsed().as_secs_f64()));
         args.output.iter().for_each(|o| tell(&format!("wrote       {}", o.display())));
     }
-    if json {
+    if json && args.output.is_empty() {
+        crate::version::say(table_json(&report, &sensors, &readings, efficacy).trim_end());
+    } else if json {
         crate::version::say(&report.to_string());
     }
     Ok(ExitCode::SUCCESS)

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use radiosa::export::image::Recipe;
 use radiosa::export::{mesh as lit_mesh, solution as file};
 use radiosa::import::Warning;
-use radiosa::radiosity::form_factor::{Factors, Row, Scratch};
+use radiosa::radiosity::form_factor::{self, Factors, Row, Scratch};
 use radiosa::radiosity::medium::Medium;
 use radiosa::radiosity::mesh::{self, ElementMesh};
 use radiosa::radiosity::patch::Patch;
@@ -16,7 +16,7 @@ use radiosa::scene::Light;
 use radiosa::transport::{Solver as _, Step, World, default_light};
 use serde_json::json;
 
-use crate::args::{Exposure, Order, Radiosity, Solve, Solver, Work, factors::By};
+use crate::args::{Exposure, Order, Radiosity, Solve, Solver, Work, factors::By, factors::Estimator};
 use crate::error::Error;
 use crate::factors::groups;
 use crate::interrupt;
@@ -66,7 +66,14 @@ pub(crate) fn settings(options: &Radiosity, seed: u64, extra_lights: &[Light]) -
             residual: options.residual,
             unshot: options.unshot.unwrap_or(0.0),
             error: options.error,
-            ..solve::Stop::default()
+            change: options.change.unwrap_or(0.0),
+            steps: options.steps,
+        },
+        estimator: match options.estimator {
+            Estimator::Analytic => form_factor::Estimator::default(),
+            Estimator::Hemicube => form_factor::Estimator::Hemicube(form_factor::hemicube::Settings::default()),
+            Estimator::Hemisphere => form_factor::Estimator::Hemisphere(form_factor::hemisphere::Settings::default()),
+            Estimator::Area => form_factor::Estimator::Area(form_factor::area::Settings::default()),
         },
         refine: refine::Settings {
             levels: options.refine.unwrap_or(1),
@@ -76,7 +83,6 @@ pub(crate) fn settings(options: &Radiosity, seed: u64, extra_lights: &[Light]) -
         medium: Medium { absorption: options.absorption.unwrap_or_default().map(f64::from) },
         extra_lights: extra_lights.to_vec(),
         seed,
-        ..Settings::default()
     }
 }
 
@@ -111,7 +117,7 @@ pub(crate) fn saved_or_solved(
             }
             Ok((saved.into_solution(world)?, 1.0))
         }
-        None => solved(world, settings, None, work, bar, None).map(|solved| {
+        None => solved(world, &within_memory(settings, work), None, work, bar, None).map(|solved| {
             if !work.quiet {
                 solved.warnings.iter().for_each(|(name, message)| tell(&format!("warning[{name}]: {message}")));
             }
@@ -152,6 +158,9 @@ struct Solved {
     solve_time: Duration,
 }
 
+/// A solution over divided elements says more than the one before once its residual is this small.
+const SAYS_MORE: f64 = 1e-3;
+
 /// The same with no more links than memory allows.
 fn within_memory(settings: &Settings, work: &Work) -> Settings {
     let mut settings = settings.clone();
@@ -161,7 +170,8 @@ fn within_memory(settings: &Settings, work: &Work) -> Settings {
     settings
 }
 
-/// Solves until it is done, time is up or somebody interrupts; goes on from `state`, when there is one.
+/// Solves until it is done, time is up or somebody interrupts; goes on from `state`, when there is one. What was solved before elements were divided again is given
+/// back where that ends before the new mesh says more.
 ///
 /// # Errors
 /// When it would take too much memory, or cannot be saved.
@@ -174,7 +184,6 @@ fn solved(
     save: Option<&Save>,
 ) -> Result<Solved, Error> {
     let start = Instant::now();
-    let settings = &within_memory(settings, work);
     let n = ElementMesh::estimate(world, &settings.mesh);
     plan::within_memory_or(
         &format!("a mesh of about {n} elements"),
@@ -203,6 +212,7 @@ fn solved(
     }
     drop(coincident);
     let mut last_save = (Instant::now(), Duration::ZERO);
+    let mut coarse: Option<Solution> = None;
     loop {
         let mut radiosity = match before.take() {
             Some((solution, progress)) => radiosity::Radiosity::resume(world, &division, settings, solution, progress),
@@ -252,10 +262,23 @@ fn solved(
             Solved { solution, progress, done, solver, warnings, mesh_time, solve_time }
         };
         if let Some(done) = ended {
+            let last = solution.history.records.last();
+            let says_more =
+                last.is_some_and(|last| last.residual <= SAYS_MORE && last.error.is_none_or(|e| e <= settings.stop.error));
+            if let Some(coarse) = coarse.filter(|_| !says_more) {
+                warnings.push((
+                    "not-refined",
+                    "there was no time to solve over the divided elements: this is the solution before".into(),
+                ));
+                return Ok(finished(done, coarse, None, warnings));
+            }
             return Ok(finished(done, solution, Some(progress), warnings));
         }
         match refine::next(world, &solution, settings) {
-            Some(mesh) => division = Division::of(mesh, &settings.solver),
+            Some(mesh) => {
+                division = Division::of(mesh, &settings.solver);
+                coarse = Some(solution);
+            }
             None => {
                 if let Some(last) = solution.history.records.last().filter(|last| !settings.stop.is_satisfied(last)) {
                     let (steps, residual) = (last.step, last.residual);
@@ -299,6 +322,7 @@ pub(crate) fn run(args: &Solve, json: bool) -> Result<ExitCode, Error> {
 }
 
 fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
+    interrupt::listen();
     let start = Instant::now();
     let work = &args.work;
     args.output.as_deref().map_or(Ok(()), file::check_target)?;
@@ -322,7 +346,7 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
     if !work.quiet {
         output::say_warnings(&warnings);
     }
-    let settings = settings(&args.radiosity, args.seed, &[]);
+    let settings = within_memory(&settings(&args.radiosity, args.seed, &[]), work);
     let recipe = Recipe::new()
         .with("version", env!("CARGO_PKG_VERSION"))
         .with("command", output::command_line())
@@ -422,6 +446,7 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
                 "emitted": balance.emitted, "absorbed": balance.absorbed, "in_medium": balance.in_medium, "escaped": balance.escaped, "unshot": balance.unshot,
                 "error": balance.error(),
             },
+            "history": history(solution),
             "surfaces": surfaces(&world, solution),
             "seconds": {
                 "load": load_time.as_secs_f64(), "build": build_time.as_secs_f64(), "mesh": solved.mesh_time.as_secs_f64(),
@@ -437,13 +462,33 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
     Ok(if interrupt::asked() { ExitCode::from(130) } else { ExitCode::SUCCESS })
 }
 
+/// Steps, some of them where there are many.
+fn history(solution: &Solution) -> Vec<serde_json::Value> {
+    const LISTED: usize = 500;
+    let records = &solution.history.records;
+    let every = records.len().div_ceil(LISTED).max(1);
+    let of = |(k, r): (usize, &solve::Record)| {
+        let is_listed = k % every == 0 || k + 1 == records.len();
+        let balance = json!({
+            "emitted": r.balance.emitted, "absorbed": r.balance.absorbed, "in_medium": r.balance.in_medium, "escaped": r.balance.escaped, "unshot": r.balance.unshot,
+        });
+        let step = json!({
+            "step": r.step, "residual": r.residual, "change": r.change, "error": r.error, "pairs": r.n_pairs, "exchanges": r.n_exchanges, "rays": r.n_rays,
+            "balance": balance,
+        });
+        is_listed.then_some(step)
+    };
+    records.iter().enumerate().filter_map(of).collect()
+}
+
 /// An option means something to a solver.
 fn concerns(option: &str, solver: &str) -> bool {
     match option {
         "block" | "order" | "unshot" => solver == "shooting",
         "error" | "rays" => solver == "stochastic",
         "tolerance" => solver == "hierarchical",
-        "residual" => solver != "stochastic",
+        "estimator" => !matches!(solver, "hierarchical" | "stochastic"),
+        "residual" | "change" => solver != "stochastic",
         _ => true,
     }
 }

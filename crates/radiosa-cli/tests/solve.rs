@@ -40,11 +40,12 @@ fn read(path: &Path) -> Vec<u8> {
 #[test]
 fn after_kill_9_the_same_command_goes_on_to_the_same_bytes() {
     let dir = tempfile::tempdir().expect("a folder");
-    let solvers: [&[&str]; 4] = [
+    let solvers: [&[&str]; 5] = [
         &["--solver", "gauss-seidel", "--elements", "500", "--refine", "1"],
         &["--solver", "shooting", "--elements", "300", "--residual", "1e-4"],
         &["--solver", "shooting", "--block", "4", "--order", "cyclic", "--elements", "300", "--residual", "1e-3"],
         &["--solver", "stochastic", "--elements", "800", "--error", "0.05"],
+        &["--solver", "hierarchical", "--elements", "4000"],
     ];
     for (k, options) in solvers.into_iter().enumerate() {
         let (whole, killed) = (format!("whole{k}/room.radiosa"), format!("killed{k}/room.radiosa"));

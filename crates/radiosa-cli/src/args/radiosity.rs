@@ -2,6 +2,7 @@
 
 use clap::{Args, ValueEnum};
 
+use super::factors::Estimator;
 use super::value::{parse_color, parse_scale};
 
 /// Everything that decides about a radiosity solution.
@@ -13,7 +14,7 @@ pub(crate) struct Radiosity {
     pub(crate) elements: Option<u32>,
 
     /// The longest edge of an element in metres, instead of --elements
-    #[arg(long, value_name = "METRES", value_parser = parse_scale)]
+    #[arg(long, value_name = "METRES", value_parser = parse_scale, conflicts_with = "elements")]
     pub(crate) element_size: Option<f64>,
 
     /// What a medium between surfaces absorbs, per metre: one number, or three for its channels
@@ -27,6 +28,18 @@ pub(crate) struct Radiosity {
     /// Stop when the residual is this part of all radiosity (gathering, shooting)
     #[arg(long, value_name = "X", default_value_t = 1e-6, value_parser = parse_scale)]
     pub(crate) residual: f64,
+
+    /// Stop when no radiosity changes by more than this in a step, W/m² or lm/m² (gathering, shooting) [default: never]
+    #[arg(long, value_name = "X", value_parser = parse_scale)]
+    pub(crate) change: Option<f64>,
+
+    /// Stop after so many steps: sweeps, batches of shots, iterations of rays
+    #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) steps: u32,
+
+    /// How form factors are estimated, where the solver needs any
+    #[arg(long, value_enum, default_value_t = Estimator::Analytic)]
+    pub(crate) estimator: Estimator,
 
     /// Stop when this part of the emitted power is left unshot (shooting) [default: never]
     #[arg(long, value_name = "X", value_parser = parse_scale)]

@@ -21,9 +21,8 @@ use method::Watch;
 use output::tell;
 use plan::Stage;
 
-/// Does something with as many threads as were asked for, and listens for Ctrl-C.
+/// Does something with as many threads as were asked for.
 pub(crate) fn with_threads<T: Send>(work: &Work, what: impl FnOnce() -> Result<T, Error> + Send) -> Result<T, Error> {
-    interrupt::listen();
     let threads = work.threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -37,6 +36,7 @@ pub(crate) fn run(args: &Render, json: bool) -> Result<ExitCode, Error> {
 }
 
 fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
+    interrupt::listen();
     let start = Instant::now();
     let (picture, work) = (&args.picture, &args.work);
     plan::cpu_path(work.cpu_path)?;

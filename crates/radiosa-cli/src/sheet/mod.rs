@@ -82,6 +82,7 @@ fn list(json: bool) -> Result<(), Error> {
 }
 
 fn sheet(args: &Sheet, json: bool) -> Result<ExitCode, Error> {
+    crate::interrupt::listen();
     let start = Instant::now();
     let mut plan = plan_sheet(args)?;
     check_output(&plan.output)?;

@@ -65,13 +65,13 @@ impl Cache {
         self.records.is_empty()
     }
 
-    /// Keeps what was gathered at a place. It reaches at least `least` far, and not much farther than light varies.
-    pub(super) fn insert(&mut self, p: Vec3, n: Vec3, mut gathered: Gathered, least: f32) {
+    /// Keeps what was gathered at a place. It reaches at least and at most so far, and not much farther than light varies.
+    pub(super) fn insert(&mut self, p: Vec3, n: Vec3, mut gathered: Gathered, [least, most]: [f32; 2]) {
         let e = gathered.irradiance.luminance();
         let along = |axis: usize| Spectrum::from(gathered.translation.map(|g| g[axis])).luminance();
         let slope = Vec3::new(along(0), along(1), along(2)).length();
         let steep = if slope > 0.0 { e / slope } else { f32::INFINITY };
-        let radius = gathered.distance.min(steep).max(least / self.accuracy).min(2.0 * self.half);
+        let radius = gathered.distance.min(steep).min(most / self.accuracy).max(least / self.accuracy).min(2.0 * self.half);
         if radius > steep {
             // Over its whole reach it may not change by more than itself.
             gathered.translation = gathered.translation.map(|g| g * (steep / radius));
@@ -83,7 +83,7 @@ impl Cache {
 
     fn place(&mut self, node: usize, (middle, half): (Vec3, f32), index: u32, depth: u32) {
         let record = &self.records[index as usize];
-        let (p, reach) = (record.p, record.radius * self.accuracy * super::STRETCHED[1]);
+        let (p, reach) = (record.p, record.radius * self.accuracy * super::STRETCHED);
         if depth == 0 || half < 2.0 * reach {
             self.nodes[node].records.push(index);
             return;

@@ -25,6 +25,8 @@ const NOISE: f32 = 0.15;
 const MORE: u32 = 2;
 /// Records reach this many pixels at least.
 const LEAST: f32 = 1.5;
+/// And this part of the picture's longer side at most: where light changes little, many records with few rays each are as quiet as few with many, and bend less.
+const MOST: f32 = 1.0 / 40.0;
 
 /// Fills the cache of a hybrid for a view: a step is a quarter of a lattice.
 #[derive(Debug)]
@@ -84,6 +86,7 @@ impl<'a> Solver for Filling<'a, '_> {
         };
         let found: Vec<_> = pixels.par_iter().map(asked).collect();
         self.n_rays += found.iter().map(|(_, n)| n).sum::<u64>();
+        let most = (MOST * self.size.0.max(self.size.1) as f32).max(LEAST);
         let wanted: Vec<Wanted> = found.into_iter().flat_map(|(wanted, _)| wanted).collect();
         for some in wanted.chunks(AT_ONCE) {
             let hybrid = &*self.hybrid;
@@ -108,7 +111,7 @@ impl<'a> Solver for Filling<'a, '_> {
             let unknown: Vec<Wanted> = unknown.into_iter().copied().collect();
             for (w, (gathered, n_rays)) in unknown.iter().zip(gathered) {
                 self.n_rays += n_rays;
-                self.hybrid.cache.insert(w.surface.p, w.n, gathered, LEAST * w.surface.width);
+                self.hybrid.cache.insert(w.surface.p, w.n, gathered, [LEAST, most].map(|pixels| pixels * w.surface.width));
             }
         }
         let is_last_part = self.stride == FIRST || self.part == 2;

@@ -70,18 +70,16 @@ impl<'a> Hybrid<'a> {
 const UNCACHED_RAYS: u32 = 64;
 /// The same behind reflections, where many rays ask.
 const UNCACHED_RAYS_BEHIND: u32 = 16;
-/// Records are used this many times as far as they keep others away, so that several are averaged everywhere; and farther before a place is gathered anew.
-const STRETCHED: [f32; 2] = [2.0, 4.0];
+/// Records are used this many times as far as they keep others away, so that several are averaged everywhere.
+const STRETCHED: f32 = 2.0;
 
 impl Indirect for Hybrid<'_> {
     fn irradiance(&self, at: &Asked<'_>, stream: &mut Stream, n_rays: &mut u64) -> Spectrum {
         let (p, n) = (at.surface.p, at.n);
-        if self.settings.cache > 0.0 {
-            for reach in STRETCHED {
-                if let Some(e) = self.cache.irradiance(p, n, reach) {
-                    return e;
-                }
-            }
+        if self.settings.cache > 0.0
+            && let Some(e) = self.cache.irradiance(p, n, STRETCHED)
+        {
+            return e;
         }
         let most = match (self.settings.cache > 0.0, at.depth) {
             (false, 0) => u32::MAX,

@@ -3,23 +3,31 @@
 //! It enters the system as `E_i += ρ_i H_i`, H_i the visible irradiance averaged over the element: over a few points first, over more where they disagree, as
 //! they do at the edge of a shadow, and where rays from lamps land between them.
 
+use std::f32::consts::PI;
+
 use rayon::prelude::*;
 
+use super::gather::Arriving;
 use super::medium::Medium;
 use super::mesh::{Element, ElementMesh};
 use crate::accel::Hit;
 use crate::emitter::EnvironmentShadows;
+use crate::emitter::sky_sampler::SkySampler;
 use crate::math::{Frame, Ray, Vec3};
 use crate::sampling::{rng, sequence, warp};
 use crate::scene::LightKind;
 use crate::spectrum::Spectrum;
 use crate::transport::{Emitters, LightSettings, Lights, Passage, Surface, World};
 
-/// Points of an element at first, and where they disagree.
-const POINTS: [u32; 2] = [4, 64];
+/// Points of an element at first, and where they disagree; at first fewer in meshes of more elements than this.
+const POINTS: [u32; 2] = [16, 64];
+const FEW_POINTS: u32 = 4;
+const MANY_ELEMENTS: usize = 1 << 17;
 
-/// Rays to the sky from each element, or from each sensor.
+/// Rays to the sky from each element; four times as many from each sensor. Half of them by the cosine, half by the light of an environment map, where there is one.
 const SKY_RAYS: u32 = 256;
+/// Sets of a sensor's rays whose spread tells their standard error.
+const SKY_SETS: usize = 16;
 
 /// The lights of a world that are not surfaces.
 #[derive(Debug)]
@@ -29,6 +37,8 @@ pub struct DirectLight<'a> {
     has_lights: bool,
     /// Radiance from above and below, with the axis, of each hemispherical light.
     hemispheres: Vec<(Vec3, Spectrum, Spectrum)>,
+    /// Of an environment map.
+    sky: Option<SkySampler>,
     medium: Medium,
     seed: u64,
 }
@@ -46,6 +56,7 @@ impl<'a> DirectLight<'a> {
             world,
             has_lights: all().any(|l| !matches!(l.kind, LightKind::Hemispherical { .. } | LightKind::Ambient)),
             hemispheres: hemispheres.collect(),
+            sky: world.sky().and_then(SkySampler::new),
             lights: Lights::prepare_without_skies(world, &settings, extra),
             medium: Medium::default(),
             seed,
@@ -94,50 +105,65 @@ impl<'a> DirectLight<'a> {
     /// `is_lit`: some lamp lights a part of it, be it between its first points.
     fn of_element(&self, mesh: &ElementMesh, i: u64, element: &Element, is_lit: bool) -> ([f64; 3], [f64; 3]) {
         let key = rng::key(&[self.seed, i, 0x6469_7265]);
-        let surface = |k: u32| {
-            let u = sequence::point_2d(k, key);
-            mesh.surface(self.world, element, [f64::from(u.x), f64::from(u.y)])
-        };
+        let at = |k: u32| sequence::point_2d(k, key).to_array().map(f64::from);
+        let surface = |k: u32| mesh.surface(self.world, element, at(k));
+        // A mean over the area, whatever the shape of the element: Σ w h / Σ w.
+        let weight = |k: u32| element.density(at(k));
+        let mean = |sum: [f64; 3], weights: f64| sum.map(|s| if weights > 0.0 { s / weights } else { 0.0 });
         let n = element.normal.as_vec3();
         let mut lamps = [0.0f64; 3];
         if self.has_lights {
             let (mut low, mut high) = (f32::INFINITY, 0.0f32);
-            let mut taken = 0;
-            for n_points in POINTS {
+            let (mut taken, mut weights) = (0, 0.0);
+            let first = if mesh.elements().len() > MANY_ELEMENTS { FEW_POINTS } else { POINTS[0] };
+            for n_points in [first, POINTS[1]] {
                 for k in taken..n_points {
                     let h = self.of_lamps(&surface(k), n);
                     (low, high) = (low.min(h.luminance()), high.max(h.luminance()));
-                    [h.r, h.g, h.b].into_iter().zip(&mut lamps).for_each(|(h, s)| *s += f64::from(h));
+                    weights += weight(k);
+                    [h.r, h.g, h.b].into_iter().zip(&mut lamps).for_each(|(h, s)| *s += weight(k) * f64::from(h));
                 }
                 taken = n_points;
                 if high - low <= 0.1 * high && (high > 0.0 || !is_lit) {
                     break;
                 }
             }
-            lamps = lamps.map(|s| s / f64::from(taken));
+            lamps = mean(lamps, weights);
         }
         let mut all = lamps;
         if self.has_sky() {
-            let sky = (0..SKY_RAYS).map(|k| self.of_sky(&surface(k), n, k, key)).sum::<Spectrum>() * (1.0 / SKY_RAYS as f32);
-            [sky.r, sky.g, sky.b].into_iter().zip(&mut all).for_each(|(h, s)| *s += f64::from(h));
+            let (mut sky, mut weights) = ([0.0; 3], 0.0);
+            for k in 0..SKY_RAYS {
+                let h = self.of_sky(&surface(k), n, k, key);
+                weights += weight(k);
+                [h.r, h.g, h.b].into_iter().zip(&mut sky).for_each(|(h, s)| *s += weight(k) * f64::from(h));
+            }
+            mean(sky, weights).into_iter().zip(&mut all).for_each(|(h, s)| *s += h);
         }
         let exposed = element.exposed().max(1e-6);
         (all.map(|s| s / exposed), lamps.map(|s| s / exposed))
     }
 
     /// The irradiance at a point, seen from the side of `n` (unit); `key` names the sensor.
-    pub fn at(&self, surface: &Surface, n: Vec3, key: u64) -> Spectrum {
+    pub fn at(&self, surface: &Surface, n: Vec3, key: u64) -> Arriving {
         let lamps = if self.has_lights { self.of_lamps(surface, n) } else { Spectrum::BLACK };
-        lamps + self.of_skies(surface, n, key)
+        let skies = self.of_skies(surface, n, key);
+        Arriving { irradiance: lamps + skies.irradiance, ..skies }
     }
 
-    /// The part of [`Self::at`] that comes from skies.
-    pub fn of_skies(&self, surface: &Surface, n: Vec3, key: u64) -> Spectrum {
+    /// The part of [`Self::at`] that comes from skies, with the standard error that its rays would have if they were independent.
+    pub fn of_skies(&self, surface: &Surface, n: Vec3, key: u64) -> Arriving {
         if !self.has_sky() {
-            return Spectrum::BLACK;
+            return Arriving::default();
         }
+        let mut sets = [Spectrum::BLACK; SKY_SETS];
         let rays = 4 * SKY_RAYS;
-        (0..rays).map(|k| self.of_sky(surface, n, k, key)).sum::<Spectrum>() * (1.0 / rays as f32)
+        // (Rays in a row are spread evenly, and are of both ways of drawing them.)
+        (0..rays).for_each(|k| sets[k as usize * SKY_SETS / rays as usize] += self.of_sky(surface, n, k, key));
+        let sets = sets.map(|sum| sum * (SKY_SETS as f32 / rays as f32));
+        let irradiance = sets.into_iter().sum::<Spectrum>() * (1.0 / SKY_SETS as f32);
+        let squares: f64 = sets.iter().map(|set| f64::from((*set - irradiance).luminance()).powi(2)).sum();
+        Arriving { irradiance, standard_error: (squares / (SKY_SETS * (SKY_SETS - 1)) as f64).sqrt() }
     }
 
     /// Some light with a place or a direction sees a point on the side of `n` (unit).
@@ -182,14 +208,37 @@ impl<'a> DirectLight<'a> {
         self.has_lights
     }
 
-    /// One ray of a cosine-weighted set: `E = π · mean L`.
+    /// One ray, `E = mean of L cos θ/p`: from a cosine-weighted set, `p = cos θ/π`; under an environment map the even ones, and the odd ones are drawn from the map, so
+    /// that `p` is the mean of both densities (the balance heuristic [Veach95]).
     fn of_sky(&self, surface: &Surface, n: Vec3, k: u32, key: u64) -> Spectrum {
-        let dir = Frame::from_normal(n).to_world(warp::cosine_hemisphere(sequence::point_2d(k, key ^ 0x0073_6B79)));
+        let by_cosine = |k: u32| {
+            let u = sequence::point_2d(k, key ^ 0x0073_6B79);
+            Frame::from_normal(n).to_world(warp::cosine_hemisphere(u))
+        };
+        let (dir, weight) = match &self.sky {
+            None => (by_cosine(k), PI),
+            Some(sky) => {
+                let of_map = || sky.sample(sequence::point_2d(k / 2, key ^ 0x006D_6170));
+                let Some((dir, of_sky)) = (if k.is_multiple_of(2) {
+                    let dir = by_cosine(k / 2);
+                    Some((dir, sky.pdf(dir)))
+                } else {
+                    of_map()
+                }) else {
+                    return Spectrum::BLACK;
+                };
+                let cos = n.dot(dir).max(0.0);
+                (dir, cos / (0.5 * (cos / PI + of_sky)).max(f32::MIN_POSITIVE))
+            }
+        };
+        if weight <= 0.0 {
+            return Spectrum::BLACK;
+        }
         let radiance = self.sky_radiance(dir);
         if radiance.is_black() {
             return radiance;
         }
-        radiance * self.world.transmittances(&[surface.ray(dir); 8], 1, Passage::STRAIGHT, &mut 0)[0] * std::f32::consts::PI
+        radiance * self.world.transmittances(&[surface.ray(dir); 8], 1, Passage::STRAIGHT, &mut 0)[0] * weight
     }
 
     /// Radiance from where no surface is.

@@ -394,7 +394,8 @@ impl Solver for Radiosity<'_> {
         let record = self.advance(world);
         self.solution.balance = record.balance;
         self.solution.history.records.push(record);
-        self.has_converged = self.stop.is_reached(&record) && (self.progress.is_whole() || record.step >= self.stop.steps);
+        self.has_converged =
+            self.stop.is_reached(&record) && (self.progress.is_whole() || record.step >= self.stop.steps || record.diverges());
         if self.has_converged {
             return Step::Converged;
         }

@@ -136,11 +136,12 @@ impl<'a> Gather<'a> {
             (error * pieces.iter().map(|p| p.factor * p.seen).sum::<f64>()).powi(2)
         };
         let of_elements = scratch.pieces.chunk_by(|a, b| a.element == b.element);
-        let variance = visibility + of_elements.map(solver).sum::<f64>();
+        let direct = self.direct.at(surface, n, key);
+        let variance = visibility + of_elements.map(solver).sum::<f64>() + direct.standard_error.powi(2);
         if let Some(near) = &self.near {
             near.look_again(self, scratch);
         }
-        Arriving { irradiance: self.direct.at(surface, n, key) + scratch.arriving(), standard_error: variance.sqrt() }
+        Arriving { irradiance: direct.irradiance + scratch.arriving(), standard_error: variance.max(0.0).sqrt() }
     }
 
     /// What a point could see: elements, those that look large in pieces.

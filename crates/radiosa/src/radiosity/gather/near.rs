@@ -169,7 +169,7 @@ impl Gather<'_> {
         } else {
             self.direct.at(&surface, n.as_vec3(), key)
         };
-        scratch.arriving() + lights
+        scratch.arriving() + lights.irradiance
     }
 }
 

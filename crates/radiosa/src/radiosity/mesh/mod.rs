@@ -111,6 +111,17 @@ impl Element {
         self.corners().iter().sum::<DVec3>() / f64::from(self.n_corners)
     }
 
+    /// How much area there is around the image of a point of the unit square, relative to the mean of all: `|∂p/∂s × ∂p/∂t|/A`, 1 in parallelograms and triangles.
+    pub fn density(&self, [s, t]: [f64; 2]) -> f64 {
+        if self.n_corners != 4 || self.whole_area <= 0.0 {
+            return 1.0;
+        }
+        let [a, b, c, d] = self.corners;
+        let along_s = (b - a) * (1.0 - t) + (c - d) * t;
+        let along_t = (d - a) * (1.0 - s) + (c - b) * s;
+        along_s.cross(along_t).length() / self.whole_area
+    }
+
     /// Moves points of it off the surface, to where rays may start and end.
     pub(super) fn lift(&self) -> Lift {
         let largest = self.corners().iter().map(|c| c.abs().max_element()).fold(0.0, f64::max) as f32;
@@ -214,30 +225,31 @@ impl ElementMesh {
     /// Divides the surfaces of a world.
     pub fn new(world: &World, settings: &Settings, direct: &DirectLight) -> Self {
         let patches = Patches::new(world);
-        let kept = match settings.sides {
+        let mut kept = match settings.sides {
             Sides::Lit => sides::lit(world, &patches, direct),
             Sides::Both => vec![[true; 2]; patches.patches.len()],
             Sides::Front => vec![[true, false]; patches.patches.len()],
         };
-        let mut mesh = Self::whole(world, patches, settings, kept);
+        let before = Self::before(world, &patches.patches, settings);
+        if settings.sides == Sides::Lit {
+            pass_on(&patches.patches, &before, &mut kept);
+        }
+        let mut mesh = Self::whole(patches, settings, before, kept);
         if settings.sides == Sides::Lit {
             mesh.set_exposed(exposure::exposed(world, &mesh, direct));
         }
         mesh
     }
 
-    /// The cells of the kept sides of patches, none divided again.
-    fn whole(world: &World, patches: Patches, settings: &Settings, mut kept: Vec<[bool; 2]>) -> Self {
+    /// The patches in whose plane others lie, with those.
+    fn before(world: &World, patches: &[Patch], settings: &Settings) -> BTreeMap<u32, Vec<u32>> {
         let is_opaque = |patch: &Patch| !world.may_be_transparent(patch.material);
-        let about = settings.size.unwrap_or_else(|| size_for(&patches.patches, &vec![[true; 2]; kept.len()], settings.elements));
-        let before = contacts::coincident(&patches.patches, is_opaque, about);
-        // What light reaches in their place reaches those that are there.
-        let normal = |p: u32| area_vector(patches.patches[p as usize].corners());
-        for (&p, &first) in before.iter().flat_map(|(p, all)| all.iter().map(move |first| (p, first))) {
-            let [front, back] = kept[p as usize];
-            let sides = if normal(p).dot(normal(first)) >= 0.0 { [front, back] } else { [back, front] };
-            kept[first as usize].iter_mut().zip(sides).for_each(|(kept, side)| *kept |= side && settings.sides == Sides::Lit);
-        }
+        let about = settings.size.unwrap_or_else(|| size_for(patches, &vec![[true; 2]; patches.len()], settings.elements));
+        contacts::coincident(patches, is_opaque, about)
+    }
+
+    /// The cells of the kept sides of patches, none divided again.
+    fn whole(patches: Patches, settings: &Settings, before: BTreeMap<u32, Vec<u32>>, kept: Vec<[bool; 2]>) -> Self {
         let size = settings.size.unwrap_or_else(|| size_for(&patches.patches, &kept, settings.elements));
         let grids: Vec<[u32; 2]> = patches.patches.iter().map(|patch| cells(patch, size)).collect();
         let n_cells = |n: &[u32; 2]| (n[0] * n[1]) as usize;
@@ -284,7 +296,8 @@ impl ElementMesh {
         if record.kept.len() != patches.patches.len() {
             return None;
         }
-        let mut mesh = Self::whole(world, patches, &record.settings, record.kept.clone());
+        let before = Self::before(world, &patches.patches, &record.settings);
+        let mut mesh = Self::whole(patches, &record.settings, before, record.kept.clone());
         for marked in &record.refined {
             if marked.len() != mesh.elements.len() {
                 return None;
@@ -491,6 +504,16 @@ impl ElementMesh {
     }
 }
 
+/// What light reaches in the place of patches reaches those that are there.
+fn pass_on(patches: &[Patch], before: &BTreeMap<u32, Vec<u32>>, kept: &mut [[bool; 2]]) {
+    let normal = |p: u32| area_vector(patches[p as usize].corners());
+    for (&p, &first) in before.iter().flat_map(|(p, all)| all.iter().map(move |first| (p, first))) {
+        let [front, back] = kept[p as usize];
+        let sides = if normal(p).dot(normal(first)) >= 0.0 { [front, back] } else { [back, front] };
+        kept[first as usize].iter_mut().zip(sides).for_each(|(kept, side)| *kept |= side);
+    }
+}
+
 /// The surface at a point of a patch, as a ray against `normal` would meet it.
 pub(super) fn surface_of(world: &World, patch: &Patch, p: DVec3, normal: DVec3) -> Surface {
     let scene = world.scene();
@@ -601,9 +624,11 @@ impl ElementMesh {
         let patch = &self.patches.patches[element.patch as usize];
         let side = if sides::is_constant(world, patch) { 1 } else { SIDE };
         let mut sum = Matter::default();
-        let weight = 1.0 / (side * side) as f32;
+        let places = |i: u32| [i % side, i / side].map(|k| (f64::from(k) + 0.5) / f64::from(side));
+        let all: f64 = (0..side * side).map(|i| element.density(places(i))).sum();
         for i in 0..side * side {
-            let at = [i % side, i / side].map(|k| (f64::from(k) + 0.5) / f64::from(side));
+            let at = places(i);
+            let weight = if all > 0.0 { (element.density(at) / all) as f32 } else { 1.0 / (side * side) as f32 };
             let surface = self.surface(world, element, at);
             let coverage = weight * world.opacity(&surface);
             let shading = world.shading(&surface, element.normal.as_vec3());

@@ -82,15 +82,19 @@ pub fn marked(world: &World, solution: &Solution, settings: &Solve) -> Vec<bool>
     marked
 }
 
-/// Of every element the largest step of reflected light to a neighbour on the same patch, relative to the mean of all.
+/// Of every element the largest step of reflected light to a neighbour on the same patch, relative to the mean of all; what chance may have made of it (three
+/// standard errors) is taken off.
 pub fn steps(solution: &Solution) -> Vec<f64> {
     let scale = scale(solution);
     let light = |i: usize| luminance(solution.irradiance[i]);
+    let error = |i: usize| solution.irradiance_error.get(i).map_or(0.0, |e| luminance(*e));
     let elements = solution.mesh.elements().par_iter().enumerate();
     let step = |(i, element): (usize, &Element)| {
         // What is covered is dark, and that is no step.
         let is_open = |j: &usize| solution.system.area[i] > 0.0 && solution.system.area[*j] > 0.0;
-        let steps = solution.mesh.neighbours(element).filter(is_open).map(|j| (light(i) - light(j)).abs());
+        let by_chance = |j: usize| 3.0 * (error(i).powi(2) + error(j).powi(2)).sqrt();
+        let steps = solution.mesh.neighbours(element).filter(is_open);
+        let steps = steps.map(|j| ((light(i) - light(j)).abs() - by_chance(j)).max(0.0));
         steps.fold(0.0, f64::max) * luminance(solution.system.reflectance[i]) / scale
     };
     elements.map(step).collect()

@@ -62,7 +62,7 @@ impl Default for Stop {
 impl Stop {
     /// A step was good enough to be the last, or there have been too many.
     pub fn is_reached(&self, record: &Record) -> bool {
-        self.is_satisfied(record) || record.step >= self.steps
+        self.is_satisfied(record) || record.step >= self.steps || record.diverges()
     }
 
     /// A step was good enough to be the last.
@@ -100,6 +100,13 @@ pub struct Record {
 }
 
 impl Record {
+    /// More is left to send out than any room could have been given: its surfaces reflect more than they receive.
+    pub fn diverges(&self) -> bool {
+        const DIVERGED: f64 = 1e6;
+        let unshot = self.unshot();
+        unshot.is_nan() || unshot > DIVERGED
+    }
+
     /// Unshot power as a fraction of the emitted, the channel where it is largest.
     pub fn unshot(&self) -> f64 {
         // (What is no number stays so: it must not pass for nothing.)
