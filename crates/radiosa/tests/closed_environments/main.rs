@@ -246,7 +246,7 @@ fn systems_of_a_few_elements_are_solved_exactly() {
 
 #[test]
 fn rays_solve_the_same_systems_within_their_standard_error() {
-    let method = Method::Stochastic(stochastic::Settings { rays: 1 << 12, rounds: 16 });
+    let method = Method::Stochastic(stochastic::Settings { rays: 1 << 14, rounds: 32 });
     let (mut worst, mut largest, mut n, mut squares) = (0.0f64, 0.0f64, 0, 0.0);
     for Case { id, faces, b, h } in systems() {
         let world = world(&faces, Vec::new());
@@ -254,7 +254,12 @@ fn rays_solve_the_same_systems_within_their_standard_error() {
         settings.stop.error = 1.0;
         let solution = solve(&world, &settings, |_| ());
         let deviations = |solution: &Solution| -> Vec<f64> {
-            let of = |i: usize| (solution.irradiance[i][0] - h[i]).abs() / solution.irradiance_error[i][0].max(1e-4 * h[i]);
+            let of = |i: usize| {
+                let (rho, error) = (solution.system.reflectance[i][0], solution.irradiance_error[i][0].max(1e-4 * h[i]));
+                // (Of what emits, too: B is known better than H, by the part that is reflected.)
+                let of_b = (solution.radiosity[i][0] - b[i]).abs() / (rho * error).max(1e-6 * b[i]);
+                ((solution.irradiance[i][0] - h[i]).abs() / error).max(of_b)
+            };
             (0..h.len()).map(of).collect()
         };
         let found = deviations(&solution);
@@ -266,10 +271,10 @@ fn rays_solve_the_same_systems_within_their_standard_error() {
         let off = error(&solution, &b, &h);
         assert!(off < 0.02, "{id} is off by {off}");
         largest = largest.max(off);
-        // The twin, where reflections matter.
-        let wrong = solve(&world, &settings, |s| s.reflectance.iter_mut().flatten().for_each(|r| *r *= 0.9));
+        // The twin: reflectances wrong by 2 %.
+        let wrong = solve(&world, &settings, |s| s.reflectance.iter_mut().flatten().for_each(|r| *r *= 0.98));
         let off = deviations(&wrong).iter().fold(0.0f64, |m, &d| m.max(d));
-        assert!(off > 4.0 || id.starts_with("SYS"), "{id}: the twin is off by no more than {off} standard errors");
+        assert!(off > 4.0, "{id}: the twin is off by no more than {off} standard errors");
     }
     // Low-discrepancy streams make the true errors smaller than those of independent rounds.
     println!(
@@ -401,15 +406,16 @@ fn furnaces_are_the_same_everywhere() {
         ("box 2 × 1 × 0.5", cube(DVec3::new(2.0, 1.0, 0.5)), Some(1.0 / 3.0), all, 0.99),
         ("tetrahedron", tetrahedron, Some(0.5), all, 0.99),
         ("sphere", sphere(1.0, &[(1.0, 0.0, 0.0)], 12), None, all, 0.99),
-        ("box with a cube inside", occupied, Some(0.25), &[1e-6], 0.5),
+        ("box with a cube inside, shadows by rays", occupied.clone(), Some(0.25), &[1e-6], 0.5),
+        ("box with a cube inside, shadows cut out", occupied, Some(0.25), &[1e-6], 0.99),
     ];
     for (name, faces, size, tolerances, highest) in shapes {
         let world = world(&faces, Vec::new());
         for &tolerance in tolerances {
             let mut settings = settings(Method::GaussSeidel, size, tolerance);
-            if highest < 0.99 {
-                settings.estimator =
-                    Estimator::Analytic(pair::Settings { tolerance, rays: [64, 64], ..pair::Settings::default() });
+            if name.contains("cube inside") {
+                let clip = (highest == 0.99).then_some(tolerance);
+                settings.estimator = Estimator::Analytic(pair::Settings { tolerance, rays: [64, 64], clip });
             }
             let mesh =
                 mesh::ElementMesh::new(&world, &settings.mesh, &radiosa::radiosity::direct::DirectLight::new(&world, &[], 0));
@@ -423,7 +429,7 @@ fn furnaces_are_the_same_everywhere() {
                 area.len(),
                 list(&errors)
             );
-            // Where something stands between, visibility is sampled, and reflectances of 0.99 (one channel of FUR-02) want more than that gives.
+            // Where visibility is sampled, reflectances of 0.99 (one channel of FUR-02) want more than that gives.
             let [grey, colored, varied] = errors;
             let is_met = if highest < 0.99 { grey.max(varied) < 5e-3 } else { grey.max(colored).max(varied) < 1e-4 };
             assert!(is_met, "{name}: {errors:?}");
