@@ -19,7 +19,9 @@ cargo xtask bench scanline   scan line beside software OpenGL (Debian's libegl1,
 cargo xtask bench rooms      measured rooms beside Mitsuba 3 (from PyPI; Debian's libllvm19)
 cargo xtask bench race       the hybrid beside POV-Ray with radiosity (Debian's povray)
 cargo xtask bench whitted    Whitted ray tracing beside POV-Ray (Debian's povray)
+cargo xtask bench shadow [SIZE…]   errors with and without discontinuity meshing, against a closed form; elements of these sizes in metres
 cargo xtask figure convergence [SCENE] [OUTPUT.svg] [ELEMENTS]   how the radiosity solvers converge over work and time
+cargo xtask figure links [OUTPUT.svg] [MOST]   links and time of hierarchical radiosity against elements, up to MOST of them
 cargo xtask pictures         render the pictures of the README and the book again
 ";
 
@@ -34,7 +36,9 @@ fn main() -> ExitCode {
         ["bench", "scanline", ..] => bench_scanline::run(&args[2..]),
         ["bench", "race", ..] => bench_race::run(&args[2..]),
         ["bench", "whitted", ..] => bench_whitted::run(&args[2..]),
-        ["figure", "convergence", rest @ ..] => figure_convergence(rest),
+        ["bench", "shadow", rest @ ..] => example("shadow", rest),
+        ["figure", "convergence", rest @ ..] => example("convergence", rest),
+        ["figure", "links", rest @ ..] => example("links", rest),
         ["pictures"] => pictures(),
         _ => {
             say(HELP);
@@ -93,9 +97,9 @@ fn install_page_tools() {
     }
 }
 
-/// Draws the ways of the radiosity solvers.
-fn figure_convergence(rest: &[&str]) -> Result<()> {
-    run(cargo().args(["run", "--release", "--quiet", "--package", "radiosa", "--example", "convergence", "--"]).args(rest))
+/// Runs an example of the library, which measures or draws something.
+fn example(name: &str, rest: &[&str]) -> Result<()> {
+    run(cargo().args(["run", "--release", "--quiet", "--package", "radiosa", "--example", name, "--"]).args(rest))
 }
 
 /// The pictures of the README and the book: each made again by the command beside it.

@@ -65,6 +65,7 @@ fn factors(args: &Args, json: bool) -> Result<ExitCode, Error> {
         sides: if args.two_sided { Sides::Both } else { Sides::Front },
         // Rows are of whole patches or cells.
         cuts_contacts: false,
+        discontinuities: 0,
     };
     let mesh = ElementMesh::new(&world, &settings, &radiosa::radiosity::direct::DirectLight::new(&world, &[], 0));
     if mesh.elements().len() > MAX_ELEMENTS {

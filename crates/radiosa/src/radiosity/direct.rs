@@ -5,11 +5,12 @@
 
 use rayon::prelude::*;
 
+use super::discontinuity::Apex;
 use super::medium::Medium;
 use super::mesh::{Element, ElementMesh};
 use crate::accel::Hit;
 use crate::emitter::EnvironmentShadows;
-use crate::math::{Frame, Ray, Vec3};
+use crate::math::{DVec3, Frame, Ray, Vec3};
 use crate::sampling::{rng, sequence, warp};
 use crate::scene::LightKind;
 use crate::spectrum::Spectrum;
@@ -29,6 +30,8 @@ pub struct DirectLight<'a> {
     has_lights: bool,
     /// Radiance from above and below, with the axis, of each hemispherical light.
     hemispheres: Vec<(Vec3, Spectrum, Spectrum)>,
+    /// Where lamps are, or where their light comes from.
+    apexes: Vec<Apex>,
     medium: Medium,
     seed: u64,
 }
@@ -42,8 +45,17 @@ impl<'a> DirectLight<'a> {
             LightKind::Hemispherical { axis, down } => Some((axis.as_vec3().normalize_or(Vec3::Y), light.diffuse, down)),
             _ => None,
         });
+        let place = |p: DVec3| Apex { p: p - world.origin(), w: 1.0 };
+        let direction = |p: DVec3| Apex { p, w: 0.0 };
+        let apexes = all().flat_map(|light| match &light.kind {
+            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => vec![place(*position)],
+            LightKind::Distant { to_light, .. } => vec![direction(*to_light)],
+            LightKind::Discrete { directions } => directions.iter().map(|d| direction(d.to_light)).collect(),
+            LightKind::Ambient | LightKind::Hemispherical { .. } => Vec::new(),
+        });
         Self {
             world,
+            apexes: apexes.collect(),
             has_lights: all().any(|l| !matches!(l.kind, LightKind::Hemispherical { .. } | LightKind::Ambient)),
             hemispheres: hemispheres.collect(),
             lights: Lights::prepare_without_skies(world, &settings, extra),
@@ -62,6 +74,11 @@ impl<'a> DirectLight<'a> {
     /// What is between lamps and surfaces.
     pub fn medium(&self) -> Medium {
         self.medium
+    }
+
+    /// Where lamps are, or where their light comes from.
+    pub(super) fn apexes(&self) -> &[Apex] {
+        &self.apexes
     }
 
     /// Nothing but surfaces gives light.
