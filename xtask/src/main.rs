@@ -104,13 +104,37 @@ fn example(name: &str, rest: &[&str]) -> Result<()> {
 
 /// The pictures of the README and the book: each made again by the command beside it.
 fn pictures() -> Result<()> {
-    let pictures: [(&str, &[&str]); 6] = [
+    let shadow =
+        ["shadow", "--method", "radiosity", "--refine", "0", "--elements", "600", "--discontinuities", "1", "--size", "480x340"];
+    let pictures: [(&str, &[&str]); 9] = [
         ("docs/pictures/cornell-box.png", &["cornell-box", "--size", "480x480", "--emitters", "8"]),
         ("docs/pictures/room.png", &["room", "--size", "480x360"]),
         ("docs/pictures/whitted.png", &["whitted", "--size", "480x360"]),
         ("docs/pictures/phong-spheres.png", &["phong-spheres", "--size", "480x360"]),
         ("docs/pictures/light-types.png", &["light-types", "--size", "480x360"]),
         ("docs/pictures/parallel-plates.png", &["parallel-plates", "--size", "480x240"]),
+        ("docs/pictures/shadow.png", &shadow),
+        ("docs/pictures/shadow-mesh.png", &[&shadow[..], &["--overlay", "mesh"]].concat()),
+        (
+            "docs/pictures/hierarchical-links.png",
+            &[
+                "cornell-box",
+                "--method",
+                "radiosity",
+                "--solver",
+                "hierarchical",
+                "--refine",
+                "0",
+                "--elements",
+                "1000",
+                "--size",
+                "400x400",
+                "--overlay",
+                "mesh,links",
+                "--links-of",
+                "231,238",
+            ],
+        ),
     ];
     for (path, args) in pictures {
         say(path);

@@ -14,6 +14,7 @@ use radiosa::radiosity::{Settings, hierarchical, mesh, refine, solve};
 use radiosa::scene::Scene;
 use radiosa::transport::World;
 
+/// A room with a lamp.
 const EMPTY: &str = r#"
 [material.walls]
 lambert = 0.7
@@ -30,6 +31,28 @@ material = "lamp"
 quad = [[1.5, 2.9, 2], [2.5, 2.9, 2], [2.5, 2.9, 3], [1.5, 2.9, 3]]
 "#;
 
+/// The room with more in it.
+fn room(more: &str) -> Result<Scene, import::ImportError> {
+    Ok(import::load_bytes(format!("{EMPTY}{more}").as_bytes(), Path::new("room.toml"), &import::Options::default())?.0)
+}
+
+/// Boxes of all heights, in rows.
+fn boxes() -> String {
+    let mut text = String::new();
+    for k in 0..20u32 {
+        let [x, z] = [0.3 + 0.75 * f64::from(k % 5), 0.4 + 1.2 * f64::from(k / 5)];
+        let height = 0.3 + 2.1 * f64::from(k * 7 % 20) / 20.0;
+        // (A string takes everything.)
+        let _ = writeln!(
+            text,
+            "[[shape]]\nmaterial = \"walls\"\nbox = {{ min = [{x}, 0, {z}], max = [{}, {height}, {}] }}",
+            x + 0.4,
+            z + 0.5
+        );
+    }
+    text
+}
+
 /// Elements, links, seconds.
 type Run = [f64; 3];
 
@@ -37,16 +60,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let output = words.first().map_or("links.svg", String::as_str);
     let most: f64 = words.get(1).map_or("100000", String::as_str).parse()?;
-    let empty = import::load_bytes(EMPTY.as_bytes(), Path::new("empty.toml"), &import::Options::default())?.0;
-    let built_in = |name: &str| import::sample::load(name).ok_or("it is built in");
+    let cornell = import::sample::load("cornell-box").ok_or("it is built in")?;
     let scenes: [(&str, &str, Scene); 3] = [
-        ("Cornell box", "#0072b2", built_in("cornell-box")?),
-        ("room", "#d55e00", built_in("room")?),
-        ("empty room with a lamp", "#009e73", empty),
+        ("Cornell box", "#0072b2", cornell),
+        ("room full of boxes", "#d55e00", room(&boxes())?),
+        ("empty room", "#009e73", room("")?),
     ];
     let mut curves = Vec::new();
-    for (name, color, mut scene) in scenes {
-        radiosa::radiosity::tessellate(&mut scene, 12);
+    for (name, color, scene) in scenes {
         let world = World::prepare(scene, CpuPath::detect())?;
         let mut runs: Vec<Run> = Vec::new();
         for k in 0..5 {
@@ -99,7 +120,7 @@ fn processor_seconds() -> f64 {
 
 /// Two plots side by side.
 fn picture(curves: &[(&str, &str, Vec<Run>, [f64; 2])]) -> String {
-    let mut svg = Svg::new(1000, 480);
+    let mut svg = Svg::new(1000, 490);
     svg.add(format_args!("<text x=\"60\" y=\"24\" font-size=\"16\">Hierarchical radiosity at the default tolerance</text>"));
     let range = |column: usize| {
         let all = || curves.iter().flat_map(|(_, _, runs, _)| runs).map(|run| run[column]).filter(|v| *v > 0.0);
@@ -130,8 +151,8 @@ fn picture(curves: &[(&str, &str, Vec<Run>, [f64; 2])]) -> String {
     }
     for (k, (name, color, _, [links, time])) in curves.iter().enumerate() {
         let name = format!("{name}: powers {links:.2}, {time:.2}");
-        svg.legend(60.0 + [0.0, 260.0, 480.0][k.min(2)], 462.0, color, &name);
+        svg.legend(60.0 + 320.0 * k as f64, 456.0, color, &name);
     }
-    svg.legend(830.0, 462.0, "#888", "all pairs");
+    svg.legend(60.0, 476.0, "#888", "all pairs");
     svg.finish()
 }
