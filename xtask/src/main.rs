@@ -19,7 +19,9 @@ cargo xtask bench scanline   scan line beside software OpenGL (Debian's libegl1,
 cargo xtask bench rooms      measured rooms beside Mitsuba 3 (from PyPI; Debian's libllvm19)
 cargo xtask bench race       the hybrid beside POV-Ray with radiosity (Debian's povray)
 cargo xtask bench whitted    Whitted ray tracing beside POV-Ray (Debian's povray)
+cargo xtask bench shadow [SIZE…]   errors with and without discontinuity meshing, against a closed form; elements of these sizes in metres
 cargo xtask figure convergence [SCENE] [OUTPUT.svg] [ELEMENTS]   how the radiosity solvers converge over work and time
+cargo xtask figure links [OUTPUT.svg] [MOST]   links and time of hierarchical radiosity against elements, up to MOST of them
 cargo xtask pictures         render the pictures of the README and the book again
 ";
 
@@ -34,7 +36,9 @@ fn main() -> ExitCode {
         ["bench", "scanline", ..] => bench_scanline::run(&args[2..]),
         ["bench", "race", ..] => bench_race::run(&args[2..]),
         ["bench", "whitted", ..] => bench_whitted::run(&args[2..]),
-        ["figure", "convergence", rest @ ..] => figure_convergence(rest),
+        ["bench", "shadow", rest @ ..] => example("shadow", rest),
+        ["figure", "convergence", rest @ ..] => example("convergence", rest),
+        ["figure", "links", rest @ ..] => example("links", rest),
         ["pictures"] => pictures(),
         _ => {
             say(HELP);
@@ -93,20 +97,44 @@ fn install_page_tools() {
     }
 }
 
-/// Draws the ways of the radiosity solvers.
-fn figure_convergence(rest: &[&str]) -> Result<()> {
-    run(cargo().args(["run", "--release", "--quiet", "--package", "radiosa", "--example", "convergence", "--"]).args(rest))
+/// Runs an example of the library, which measures or draws something.
+fn example(name: &str, rest: &[&str]) -> Result<()> {
+    run(cargo().args(["run", "--release", "--quiet", "--package", "radiosa", "--example", name, "--"]).args(rest))
 }
 
 /// The pictures of the README and the book: each made again by the command beside it.
 fn pictures() -> Result<()> {
-    let pictures: [(&str, &[&str]); 6] = [
+    let shadow =
+        ["shadow", "--method", "radiosity", "--refine", "0", "--elements", "600", "--discontinuities", "1", "--size", "480x340"];
+    let pictures: [(&str, &[&str]); 9] = [
         ("docs/pictures/cornell-box.png", &["cornell-box", "--size", "480x480", "--emitters", "8"]),
         ("docs/pictures/room.png", &["room", "--size", "480x360"]),
         ("docs/pictures/whitted.png", &["whitted", "--size", "480x360"]),
         ("docs/pictures/phong-spheres.png", &["phong-spheres", "--size", "480x360"]),
         ("docs/pictures/light-types.png", &["light-types", "--size", "480x360"]),
         ("docs/pictures/parallel-plates.png", &["parallel-plates", "--size", "480x240"]),
+        ("docs/pictures/shadow.png", &shadow),
+        ("docs/pictures/shadow-mesh.png", &[&shadow[..], &["--overlay", "mesh"]].concat()),
+        (
+            "docs/pictures/hierarchical-links.png",
+            &[
+                "cornell-box",
+                "--method",
+                "radiosity",
+                "--solver",
+                "hierarchical",
+                "--refine",
+                "0",
+                "--elements",
+                "1000",
+                "--size",
+                "400x400",
+                "--overlay",
+                "mesh,links",
+                "--links-of",
+                "231,238",
+            ],
+        ),
     ];
     for (path, args) in pictures {
         say(path);

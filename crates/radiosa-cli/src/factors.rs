@@ -68,6 +68,7 @@ fn factors(args: &Args, json: bool) -> Result<ExitCode, Error> {
         sides: if args.two_sided { Sides::Both } else { Sides::Front },
         // Rows are of whole patches or cells.
         cuts_contacts: false,
+        discontinuities: 0,
     };
     let n = ElementMesh::estimate(&world, &settings);
     if n > MAX_ELEMENTS as u64 {

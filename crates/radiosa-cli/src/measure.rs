@@ -219,7 +219,8 @@ fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec
         _ => solve::settings(&args.radiosity, args.seed, &[]),
     };
     let bar = Progress::new("solve", solve::UNIT, args.work.quiet);
-    let (solution, done) = solve::saved_or_solved(world, &settings, args.solution.as_deref(), &args.work, &bar)?;
+    let solve::Found { solution, done, .. } =
+        solve::saved_or_solved(world, &settings, args.solution.as_deref(), &args.work, &bar)?;
     bar.finish();
     if done < 1.0 {
         tell(&format!("warning[unfinished]: {:.1} % of the light is solved for", done * 100.0));

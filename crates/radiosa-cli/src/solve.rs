@@ -8,6 +8,7 @@ use radiosa::export::image::Recipe;
 use radiosa::export::{mesh as lit_mesh, solution as file};
 use radiosa::import::Warning;
 use radiosa::radiosity::form_factor::{self, Factors, Row, Scratch};
+use radiosa::radiosity::hierarchical::Hierarchical;
 use radiosa::radiosity::medium::Medium;
 use radiosa::radiosity::mesh::{self, ElementMesh};
 use radiosa::radiosity::patch::Patch;
@@ -38,6 +39,7 @@ pub(crate) fn settings(options: &Radiosity, seed: u64, extra_lights: &[Light]) -
         mesh: mesh::Settings {
             elements: options.elements.unwrap_or(4000),
             size: options.element_size,
+            discontinuities: options.discontinuities,
             ..mesh::Settings::default()
         },
         solver: match options.solver {
@@ -97,6 +99,15 @@ pub(crate) fn rings(options: &Radiosity, solution: Option<&Path>) -> Result<u32,
 }
 
 /// A solution that was saved, or a new one.
+pub(crate) struct Found {
+    pub(crate) solution: Solution,
+    /// The fraction that is done.
+    pub(crate) done: f64,
+    /// Of a new one that was found by links.
+    pub(crate) links: Option<Box<Hierarchical>>,
+}
+
+/// A solution that was saved, or a new one.
 ///
 /// # Errors
 /// When the file is damaged or of another scene, or solving takes too much memory.
@@ -106,7 +117,7 @@ pub(crate) fn saved_or_solved(
     solution: Option<&Path>,
     work: &Work,
     bar: &progress::Progress,
-) -> Result<(Solution, f64), Error> {
+) -> Result<Found, Error> {
     match solution {
         Some(path) => {
             let saved = file::open(path, work.max_memory)?;
@@ -115,13 +126,17 @@ pub(crate) fn saved_or_solved(
             {
                 tell(&format!("warning[unfinished]: {}: {unfinished}", path.display()));
             }
-            Ok((saved.into_solution(world)?, 1.0))
+            Ok(Found { solution: saved.into_solution(world)?, done: 1.0, links: None })
         }
         None => solved(world, &within_memory(settings, work), None, work, bar, None).map(|solved| {
             if !work.quiet {
                 solved.warnings.iter().for_each(|(name, message)| tell(&format!("warning[{name}]: {message}")));
             }
-            (solved.solution, solved.done)
+            let links = match solved.progress {
+                Some(Progress::Hierarchical(links)) => Some(links),
+                _ => None,
+            };
+            Found { solution: solved.solution, done: solved.done, links }
         }),
     }
 }
@@ -211,6 +226,13 @@ fn solved(
         ));
     }
     drop(coincident);
+    if let n @ 1.. = division.mesh().record().shadows.n_left_out {
+        let taken = division.mesh().record().shadows.lines.len();
+        warnings.push((
+            "discontinuities",
+            format!("{taken} borders of shadows are cut into elements; {n} weaker lines and shorter edges are left out: more --elements take more of them"),
+        ));
+    }
     let mut last_save = (Instant::now(), Duration::ZERO);
     let mut coarse: Option<Solution> = None;
     loop {

@@ -299,6 +299,41 @@ fn the_mesh_can_be_drawn_over_a_picture() {
 }
 
 #[test]
+fn links_and_borders_of_shadows_can_be_drawn_over_a_picture() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let at = dir.path();
+    let picture = ["render", "shadow", "--camera", "above", "--method", "radiosity", "--size", "80x80", "--elements", "200"];
+    let drawn = |more: &[&str]| {
+        ok(at, &[&picture[..], &["--refine", "0", "--spp", "1", "-o", "a.png"], more].concat());
+        png(&at.join("a.png")).2
+    };
+    let linked = ["--solver", "hierarchical", "--overlay", "links"];
+    let (plain, links) = (drawn(&linked[..2]), drawn(&[&linked[..], &["--links-of", "70,10"]].concat()));
+    let differs = |a: &[u8], b: &[u8], x: usize, y: usize| a[3 * (80 * y + x)] != b[3 * (80 * y + x)];
+    // From near the pixel that was named to the light in the middle, of which little is seen from anywhere else.
+    let along = |from: usize, to: usize| (from..to).filter(|k| (0..3).any(|d| differs(&plain, &links, k + d, 80 - k))).count();
+    assert!(along(50, 68) > 8, "{}", along(50, 68));
+    assert!((0..30).all(|x| !differs(&plain, &links, x, 60)), "nothing where no link is");
+    assert_ne!(drawn(&linked), links, "another element");
+    let with = |overlay: &str| drawn(&[&linked[..3], &[overlay, "--links-of", "70,10"]].concat());
+    assert!(with("mesh,links") != links && with("mesh,links") != with("mesh"));
+    for wrong in [&["--overlay", "links"][..], &["--solver", "hierarchical", "--overlay", "links", "--links-of", "80,3"]] {
+        let output = radiosa(at, &[&picture[..], wrong].concat());
+        assert!(!output.status.success() && text(&output.stderr).contains("links"), "{}", text(&output.stderr));
+    }
+    // Borders of shadows: more elements, all of the floor's area, and in the file.
+    let solve = |more: &[&str]| ok(at, &[&["solve", "shadow", "--refine", "0", "-o", "s.radiosa"], more].concat());
+    let (without, with) = (solve(&["--elements", "400"]), solve(&["--elements", "400", "--discontinuities", "1"]));
+    assert!(with["elements"].as_u64() > without["elements"].as_u64(), "{with}");
+    let area = |report: &serde_json::Value| report["surfaces"][0]["area"].as_f64().expect("a number");
+    assert!((area(&with) - area(&without)).abs() < 1e-6);
+    let seen = ok(at, &["render", "shadow", "--solution", "s.radiosa", "--size", "40x40", "--overlay", "mesh", "-o", "s.png"]);
+    assert!(seen["mean_radiance"][1].as_f64().is_some_and(|mean| mean > 0.0));
+    let few = solve(&["--discontinuities", "1", "--elements", "8"]);
+    assert!(few["warnings"].as_array().is_some_and(|all| all.iter().any(|w| w["name"] == "discontinuities")), "{few}");
+}
+
+#[test]
 fn what_is_unfinished_or_without_effect_is_said() {
     let dir = tempfile::tempdir().expect("a folder");
     let at = dir.path();

@@ -1,9 +1,12 @@
 //! How the radiosity solvers converge, over work and over time, drawn as a picture: `convergence [SCENE] [OUTPUT.svg] [ELEMENTS]`.
 
+mod plot;
+
 use std::fmt::Write;
 use std::path::Path;
 use std::time::Instant;
 
+use plot::{Axes, Svg};
 use radiosa::import;
 use radiosa::math::CpuPath;
 use radiosa::radiosity::solve::{Solver as Method, Stop, shooting, stochastic};
@@ -91,35 +94,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Where a plot lies in the picture, and the powers of ten it shows.
-struct Axes {
-    x: [f64; 2],
-    y: [f64; 2],
-    decades: [[i32; 2]; 2],
-}
-
-impl Axes {
-    fn at(&self, [u, v]: [f64; 2]) -> [f64; 2] {
-        let along = |v: f64, [from, to]: [i32; 2]| (v.log10() - f64::from(from)) / f64::from(to - from);
-        [
-            self.x[0] + along(u, self.decades[0]) * (self.x[1] - self.x[0]),
-            self.y[1] - along(v, self.decades[1]) * (self.y[1] - self.y[0]),
-        ]
-    }
-}
-
 /// Two plots side by side with logarithmic axes.
 fn picture(scene: &str, n: usize, curves: &[Curve]) -> String {
-    let mut svg = String::from(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 1000 460\" font-family=\"sans-serif\" font-size=\"13\">\n\
-         <rect width=\"1000\" height=\"460\" fill=\"white\"/>\n",
-    );
-    let mut line = |text: std::fmt::Arguments| {
-        // A string takes everything.
-        let _ = svg.write_fmt(text);
-        svg.push('\n');
-    };
-    line(format_args!(
+    let mut svg = Svg::new(1000, 460);
+    svg.add(format_args!(
         "<text x=\"60\" y=\"24\" font-size=\"16\">{scene}, {n} elements: error of radiosities (root mean square, relative)</text>"
     ));
     let floor = curves.iter().flat_map(|c| &c.points).map(|p| p[2]).filter(|e| *e > 0.0).fold(1.0, f64::min);
@@ -130,17 +108,7 @@ fn picture(scene: &str, n: usize, curves: &[Curve]) -> String {
         let (low, high) = reached.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
         let decades = [(low.log10().floor() as i32).max(-3), high.log10().ceil() as i32];
         let axes = Axes { x: [left, left + 420.0], y: [40.0, 390.0], decades: [decades, errors] };
-        for k in decades[0]..=decades[1] {
-            let [x, _] = axes.at([10f64.powi(k), 1.0]);
-            line(format_args!("<line x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"40\" y2=\"390\" stroke=\"#ddd\"/>"));
-            line(format_args!("<text x=\"{x:.1}\" y=\"408\" text-anchor=\"middle\">{}</text>", power(k)));
-        }
-        for k in errors[0]..=errors[1] {
-            let [_, y] = axes.at([1.0, 10f64.powi(k)]);
-            line(format_args!("<line x1=\"{left}\" x2=\"{:.1}\" y1=\"{y:.1}\" y2=\"{y:.1}\" stroke=\"#ddd\"/>", left + 420.0));
-            line(format_args!("<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>", left - 6.0, y + 4.0, power(k)));
-        }
-        line(format_args!("<text x=\"{:.1}\" y=\"428\" text-anchor=\"middle\">{title}</text>", left + 210.0));
+        svg.axes(&axes, title);
         for curve in curves {
             let inside = |p: &&[f64; 3]| p[column] >= 10f64.powi(decades[0]) && p[2] >= 10f64.powi(errors[0]);
             let mut points = String::new();
@@ -154,35 +122,14 @@ fn picture(scene: &str, n: usize, curves: &[Curve]) -> String {
                 }
             }
             let color = curve.color;
-            line(format_args!(
+            svg.add(format_args!(
                 "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"/>",
                 points.trim_end()
             ));
         }
     }
     for (k, curve) in curves.iter().enumerate() {
-        let x = 60.0 + [0.0, 90.0, 220.0, 320.0, 640.0][k.min(4)];
-        let color = curve.color;
-        line(format_args!(
-            "<line x1=\"{x}\" x2=\"{:.0}\" y1=\"446\" y2=\"446\" stroke=\"{color}\" stroke-width=\"3\"/>",
-            x + 22.0
-        ));
-        line(format_args!("<text x=\"{:.0}\" y=\"450\">{}</text>", x + 28.0, curve.name));
+        svg.legend(60.0 + [0.0, 90.0, 220.0, 320.0, 640.0][k.min(4)], 446.0, curve.color, curve.name);
     }
-    svg.push_str("</svg>\n");
-    svg
-}
-
-fn power(k: i32) -> String {
-    let digits = k
-        .abs()
-        .to_string()
-        .chars()
-        .map(|d| ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][d as usize - '0' as usize])
-        .collect::<String>();
-    match k {
-        0 => "1".into(),
-        1 => "10".into(),
-        _ => format!("10{}{digits}", if k < 0 { "⁻" } else { "" }),
-    }
+    svg.finish()
 }

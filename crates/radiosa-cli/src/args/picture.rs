@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use radiosa::import::Override;
 
-use super::value::{Emitters, Exposure, Size, parse_color, parse_fraction, parse_scale};
+use super::value::{Emitters, Exposure, Size, parse_color, parse_fraction, parse_pixel, parse_scale};
 use super::{Lamps, Overlay, Radiosity, Show};
 
 /// Everything that decides about the light in a picture, whatever is done with it.
@@ -126,9 +126,13 @@ pub(crate) struct Picture {
     #[arg(long, value_enum, default_value_t = Show::Radiance, help_heading = "Radiosity")]
     pub(crate) show: Show,
 
-    /// Lines drawn over the picture, in .png files
-    #[arg(long, value_enum, value_name = "WHAT", help_heading = "Radiosity")]
-    pub(crate) overlay: Option<Overlay>,
+    /// Lines drawn over the picture, in .png files (several separated by commas)
+    #[arg(long, value_enum, value_name = "WHAT", value_delimiter = ',', help_heading = "Radiosity")]
+    pub(crate) overlay: Vec<Overlay>,
+
+    /// The pixel that shows the element whose links --overlay links draws, from the top left [default: the element that receives most]
+    #[arg(long, value_name = "X,Y", value_parser = parse_pixel, help_heading = "Radiosity")]
+    pub(crate) links_of: Option<[u32; 2]>,
 
     /// Rays of a final gather, at least: where they are noisy the cache takes up to sixteen times as many
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Hybrid")]

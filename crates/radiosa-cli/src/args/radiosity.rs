@@ -17,6 +17,11 @@ pub(crate) struct Radiosity {
     #[arg(long, value_name = "METRES", value_parser = parse_scale, conflicts_with = "elements")]
     pub(crate) element_size: Option<f64>,
 
+    /// Cut elements along the borders of umbra and penumbra of so many lamps and emissive surfaces, the most powerful first (discontinuity meshing); up to about
+    /// twice as many elements
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=1024))]
+    pub(crate) discontinuities: u32,
+
     /// What a medium between surfaces absorbs, per metre: one number, or three for its channels
     #[arg(long, value_name = "SIGMA", value_parser = parse_color)]
     pub(crate) absorption: Option<[f32; 3]>,
@@ -103,6 +108,8 @@ pub(crate) enum Lamps {
 pub(crate) enum Overlay {
     /// The borders of elements
     Mesh,
+    /// The links of one element, with --solver hierarchical: see --links-of
+    Links,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]

@@ -112,6 +112,12 @@ pub(crate) fn parse_memory(s: &str) -> Result<u64, String> {
     if value.is_finite() && value > 0.0 { Ok((value * (1u64 << shift) as f64) as u64) } else { Err(advice()) }
 }
 
+pub(crate) fn parse_pixel(s: &str) -> Result<[u32; 2], String> {
+    let number = |t: &str| t.trim().parse::<u32>().ok();
+    let pixel = s.split_once(',').and_then(|(x, y)| number(x).zip(number(y)));
+    pixel.map(|(x, y)| [x, y]).ok_or_else(|| "give a column and a row of the picture from 0, such as 320,240".into())
+}
+
 /// A number from 0 to 1, or a quotient such as 1/256.
 pub(crate) fn parse_fraction(s: &str) -> Result<f32, String> {
     let number = |t: &str| t.trim().parse::<f32>().ok();

@@ -8,7 +8,7 @@ use radiosa::film::{self, Film, Layer, Pixel};
 use radiosa::hybrid::{self, Hybrid};
 use radiosa::math::Ray;
 use radiosa::radiosity::display::{self, Display};
-use radiosa::radiosity::{Solution, lines};
+use radiosa::radiosity::lines;
 use radiosa::raytrace::{PathTracer, RayCast, Whitted, adaptive, path, ray_cast, tiles, whitted};
 use radiosa::sampling::Stream;
 use radiosa::scanline::{self, ScanLine};
@@ -33,6 +33,10 @@ pub(crate) struct Choice {
 
 /// Decides about `auto`.
 pub(crate) fn choose(picture: &Picture, world: &World) -> Result<Choice, Error> {
+    let has_links = picture.radiosity.solver == args::Solver::Hierarchical && picture.solution.is_none();
+    if picture.overlay.contains(&args::Overlay::Links) && !has_links {
+        return Err(Error::Misuse("--overlay links wants --solver hierarchical, and a solution made on the spot".into()));
+    }
     if picture.solution.is_some() || picture.show == args::Show::Irradiance {
         return match picture.method {
             Method::Auto => Ok(Choice { method: Method::Radiosity, why: Some("it is asked for what radiosity knows") }),
@@ -154,7 +158,7 @@ fn methods_of(option: &str) -> Option<&'static [Method]> {
         "viewer" => &[Raycast, Whitted, Scanline, Hybrid],
         "gather" | "cache" => &[Hybrid],
         "lamps" | "show" | "spread" => &[Radiosity],
-        "solution" | "overlay" => &[Radiosity, Hybrid],
+        "solution" | "overlay" | "links-of" => &[Radiosity, Hybrid],
         _ if args::Radiosity::options().iter().any(|own| own == option) => &[Radiosity, Hybrid],
         _ => return None,
     })
@@ -302,8 +306,8 @@ pub(crate) fn draw(
         Method::Auto | Method::Raycast | Method::Whitted => trace(&lighting.traced, stage, picture, lighting, sampling, watch),
         Method::Radiosity => {
             let settings = crate::solve::settings(&picture.radiosity, picture.seed, &lighting.extra_lights);
-            let (solution, solved) =
-                solve::saved_or_solved(world, &settings, picture.solution.as_deref(), &watch.work, &watch.progress)?;
+            let found = solve::saved_or_solved(world, &settings, picture.solution.as_deref(), &watch.work, &watch.progress)?;
+            let solution = &found.solution;
             let display = display::Settings {
                 interpolation: match picture.radiosity.spread {
                     args::Spread::Flat => display::Interpolation::Flat,
@@ -318,26 +322,26 @@ pub(crate) fn draw(
                     args::Show::Irradiance => display::Shown::Irradiance,
                 },
             };
-            let display = Display::new(world, &solution, &lighting.extra_lights, display, footprint(stage, picture))
+            let display = Display::new(world, solution, &lighting.extra_lights, display, footprint(stage, picture))
                 .with_backdrop(default_light::has_backdrop(world, &lighting.extra_lights));
             let drawing = trace(&display, stage, picture, lighting, sampling, watch)?;
-            let lines = overlay(stage, picture, world, &solution);
-            Ok(Drawing { done: drawing.done.min(solved), lines, ..drawing })
+            let lines = overlay(stage, picture, world, &found)?;
+            Ok(Drawing { done: drawing.done.min(found.done), lines, ..drawing })
         }
         Method::Hybrid => {
             let rings = solve::rings(&picture.radiosity, picture.solution.as_deref())?;
             let tessellated = radiosa::radiosity::tessellated(world, rings)?;
             let solved_in = tessellated.as_ref().unwrap_or(world);
             let settings = solve::settings_to_gather_from(&picture.radiosity, 1000, picture.seed, &lighting.extra_lights);
-            let (solution, solved) =
-                solve::saved_or_solved(solved_in, &settings, picture.solution.as_deref(), &watch.work, &watch.progress)?;
-            let mut hybrid = Hybrid::new(world, solved_in, &solution, &hybrid_settings(stage, picture, lighting), view.forward());
+            let found = solve::saved_or_solved(solved_in, &settings, picture.solution.as_deref(), &watch.work, &watch.progress)?;
+            let mut hybrid =
+                Hybrid::new(world, solved_in, &found.solution, &hybrid_settings(stage, picture, lighting), view.forward());
             let mut filling = hybrid::Filling::new(&mut hybrid, view, (sampling.width, sampling.height));
             let filled = watch.run(&mut filling, world, hybrid::Filling::n_rays);
             let n_rays = filling.n_rays();
             let drawing = trace(&hybrid, stage, picture, lighting, sampling, watch)?;
-            let lines = overlay(stage, picture, solved_in, &solution);
-            Ok(Drawing { done: drawing.done.min(solved).min(filled), count: drawing.count + n_rays, lines, ..drawing })
+            let lines = overlay(stage, picture, solved_in, &found)?;
+            Ok(Drawing { done: drawing.done.min(found.done).min(filled), count: drawing.count + n_rays, lines, ..drawing })
         }
         Method::Path => {
             let method = PathTracer::new(world, &path_settings(stage, picture, &lighting.extra_lights));
@@ -353,9 +357,38 @@ pub(crate) fn draw(
 }
 
 /// The lines asked for over a picture of a solution in the world it was made in.
-fn overlay(stage: &Stage, picture: &Picture, solved_in: &World, solution: &Solution) -> Option<Vec<f32>> {
+///
+/// # Errors
+/// When there is no element whose links are asked for.
+fn overlay(stage: &Stage, picture: &Picture, solved_in: &World, found: &solve::Found) -> Result<Option<Vec<f32>>, Error> {
     let size = [stage.size.width, stage.size.height];
-    picture.overlay.map(|args::Overlay::Mesh| lines::borders(solved_in, &solution.mesh, &stage.view, size))
+    let (mesh, view) = (&found.solution.mesh, &stage.view);
+    let mut drawn: Option<Vec<f32>> = None;
+    for overlay in &picture.overlay {
+        let lines = match (overlay, &found.links) {
+            (args::Overlay::Mesh, _) => lines::borders(solved_in, mesh, view, size),
+            (args::Overlay::Links, None) => continue,
+            (args::Overlay::Links, Some(links)) => {
+                let element = match picture.links_of {
+                    Some(pixel) if pixel[0] < size[0] && pixel[1] < size[1] => lines::element_under(solved_in, mesh, view, pixel),
+                    Some(_) => None,
+                    None => lines::brightest_receiver(&found.solution),
+                };
+                let Some(element) = element else {
+                    let what = picture.links_of.map_or("no element receives light".to_owned(), |[x, y]| {
+                        format!("pixel {x},{y} of {} × {} shows no element", size[0], size[1])
+                    });
+                    return Err(Error::failed(what, "choose another pixel with --links-of X,Y"));
+                };
+                lines::links(mesh, links, element, view, size)
+            }
+        };
+        drawn = Some(match drawn {
+            Some(others) => others.into_iter().zip(lines).map(|(a, b)| a.max(b)).collect(),
+            None => lines,
+        });
+    }
+    Ok(drawn)
 }
 
 /// Draws by rays with a fixed number of samples a pixel.

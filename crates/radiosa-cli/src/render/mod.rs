@@ -43,7 +43,7 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
     for output in &args.output {
         image::check_target(output)?;
     }
-    if picture.overlay.is_some() && args.bits == args::Bits::Sixteen {
+    if !picture.overlay.is_empty() && args.bits == args::Bits::Sixteen {
         return Err(Error::Misuse("--overlay draws into pictures of 8 bits; leave out --bits 16".into()));
     }
     let mut warnings = Vec::new();

@@ -33,6 +33,7 @@ samples! {
     "phong-spheres": "Phong's highlight: the exponent grows to the right, its strength upwards.",
     "light-types": "The kinds of light side by side: ambient, point, attenuated, spot, distant, hemispherical.",
     "parallel-plates": "Two plates at different distances: they merge without attenuation and separate with it.",
+    "shadow": "A square light, a blocker turned by 25 degrees, a floor: umbra and penumbra.",
     "furnace": "A closed room that glows evenly: with all interreflection it shows 1 everywhere.",
 }
 

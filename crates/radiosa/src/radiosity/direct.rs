@@ -7,13 +7,14 @@ use std::f32::consts::PI;
 
 use rayon::prelude::*;
 
+use super::discontinuity::Apex;
 use super::gather::Arriving;
 use super::medium::Medium;
 use super::mesh::{Element, ElementMesh};
 use crate::accel::Hit;
 use crate::emitter::EnvironmentShadows;
 use crate::emitter::sky_sampler::SkySampler;
-use crate::math::{Frame, Ray, Vec3};
+use crate::math::{DVec3, Frame, Ray, Vec3};
 use crate::sampling::{rng, sequence, warp};
 use crate::scene::LightKind;
 use crate::spectrum::Spectrum;
@@ -39,6 +40,8 @@ pub struct DirectLight<'a> {
     hemispheres: Vec<(Vec3, Spectrum, Spectrum)>,
     /// Of an environment map.
     sky: Option<SkySampler>,
+    /// Where lamps are, or where their light comes from.
+    apexes: Vec<Apex>,
     medium: Medium,
     seed: u64,
 }
@@ -52,8 +55,17 @@ impl<'a> DirectLight<'a> {
             LightKind::Hemispherical { axis, down } => Some((axis.as_vec3().normalize_or(Vec3::Y), light.diffuse, down)),
             _ => None,
         });
+        let place = |p: DVec3| Apex { p: p - world.origin(), w: 1.0 };
+        let direction = |p: DVec3| Apex { p, w: 0.0 };
+        let apexes = all().flat_map(|light| match &light.kind {
+            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => vec![place(*position)],
+            LightKind::Distant { to_light, .. } => vec![direction(*to_light)],
+            LightKind::Discrete { directions } => directions.iter().map(|d| direction(d.to_light)).collect(),
+            LightKind::Ambient | LightKind::Hemispherical { .. } => Vec::new(),
+        });
         Self {
             world,
+            apexes: apexes.collect(),
             has_lights: all().any(|l| !matches!(l.kind, LightKind::Hemispherical { .. } | LightKind::Ambient)),
             hemispheres: hemispheres.collect(),
             sky: world.sky().and_then(SkySampler::new),
@@ -73,6 +85,11 @@ impl<'a> DirectLight<'a> {
     /// What is between lamps and surfaces.
     pub fn medium(&self) -> Medium {
         self.medium
+    }
+
+    /// Where lamps are, or where their light comes from.
+    pub(super) fn apexes(&self) -> &[Apex] {
+        &self.apexes
     }
 
     /// Nothing but surfaces gives light.

@@ -9,13 +9,14 @@
 //!
 //! Irradiance and not radiosity is interpolated, so that textures keep their own detail. Corner values are extrapolated from the elements around: across a
 //! patch by its rows and columns, and averaged with those of neighbours that continue the surface, but not across creases. A side that takes no part in the
-//! solution is black.
+//! solution is black. Where elements end at the borders of shadows, the light of emitting surfaces is gathered at their corners ([`super::gather`]).
 
 use std::borrow::Cow;
 use std::collections::HashMap;
 
 use super::corners;
 use super::direct::DirectLight;
+use super::gather::shadows;
 use super::mesh::{Element, ElementMesh};
 use super::sides::Side;
 use super::solution::Solution;
@@ -107,7 +108,9 @@ impl<'a> Display<'a> {
         };
         let corners = match settings.interpolation {
             Interpolation::Flat => irradiance.iter().map(|h| [spectrum(*h); 4]).collect(),
-            Interpolation::Gouraud => corner_values(world, mesh, &irradiance),
+            Interpolation::Gouraud => {
+                shadows::corner_values(world, solution, extra_lights, &irradiance, (!is_sharp).then_some(&lamps))
+            }
         };
         let absorption = Spectrum::from(solution.system.medium.absorption.map(|s| s as f32));
         let straight = Straight { has_backdrop: false, footprint, absorption };

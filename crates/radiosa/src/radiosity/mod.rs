@@ -4,6 +4,7 @@
 //! World                        its surfaces
 //!   │  patch, sides, mesh      planar patches, the sides light can reach, divided into elements
 //!   │  contacts                which no other surface stands on or goes through
+//!   │  discontinuity           nor the border of a shadow, where that is asked for
 //!   │  form_factor, matrix     how much of what leaves one element arrives at another
 //!   │  direct, system          what elements are made of, and what lights that are not surfaces bring them
 //!   │  solve                   B = E + ρ F B
@@ -19,6 +20,7 @@ pub mod between;
 mod contacts;
 mod corners;
 pub mod direct;
+pub mod discontinuity;
 pub mod display;
 mod exposure;
 pub mod form_factor;

@@ -4,6 +4,7 @@
 
 use std::io;
 
+use super::discontinuity::{Line, Lines};
 use super::form_factor::Row;
 use super::matrix::{Matrix, restore_entries, store_entries};
 use super::medium::{Medium, Passing};
@@ -13,10 +14,11 @@ use super::solve::gathering::Sweep;
 use super::solve::{History, Record};
 use super::stream::{In, Out, wrong};
 use super::system::{Balance, Sums, System};
+use crate::math::DVec3;
 use crate::transport::World;
 
 /// A way of dividing surfaces: changes whenever the same settings give other elements.
-const MESHING: u64 = 1;
+const MESHING: u64 = 2;
 
 /// Refinements at most.
 const MAX_LEVELS: u64 = 16;
@@ -27,14 +29,21 @@ impl mesh::Record {
     /// # Errors
     /// When the stream cannot take it.
     pub fn store(&self, out: &mut Out) -> io::Result<()> {
-        let Self { settings, kept, refined, exposed } = self;
+        let Self { settings, kept, refined, exposed, shadows } = self;
         let sides = match settings.sides {
             Sides::Lit => 0,
             Sides::Both => 1,
             Sides::Front => 2,
         };
         let size = settings.size.unwrap_or(f64::NAN).to_bits();
-        for number in [MESHING, u64::from(settings.elements), size, sides, u64::from(settings.cuts_contacts)] {
+        for number in [
+            MESHING,
+            u64::from(settings.elements),
+            size,
+            sides,
+            u64::from(settings.cuts_contacts),
+            u64::from(settings.discontinuities),
+        ] {
             out.number(number)?;
         }
         out.array(&kept.iter().map(|k| u8::from(k[0]) | u8::from(k[1]) << 1).collect::<Vec<u8>>())?;
@@ -42,7 +51,11 @@ impl mesh::Record {
         for marked in refined {
             out.array(&marked.iter().map(|&m| u8::from(m)).collect::<Vec<u8>>())?;
         }
-        out.array(exposed)
+        out.array(exposed)?;
+        out.array(&shadows.lines.iter().map(|line| line.patch).collect::<Vec<u32>>())?;
+        let numbers = |line: &Line| [line.ends[0].to_array(), line.ends[1].to_array(), [line.strength, 0.0, 0.0]];
+        out.array(&shadows.lines.iter().flat_map(numbers).collect::<Vec<[f64; 3]>>())?;
+        out.number(shadows.n_left_out)
     }
 
     /// Reads what [`Self::store`] wrote.
@@ -66,6 +79,7 @@ impl mesh::Record {
             _ => return Err(wrong("it names sides that do not exist")),
         };
         let cuts_contacts = from.number()? != 0;
+        let discontinuities = u32::try_from(from.number()?).map_err(|_| wrong("too many emitters"))?;
         let kept = from.any_array::<u8>()?.into_iter().map(|k| [k & 1 == 1, k & 2 == 2]).collect();
         let mut refined = Vec::new();
         let levels = from.number()?;
@@ -76,7 +90,16 @@ impl mesh::Record {
             refined.push(from.any_array::<u8>()?.into_iter().map(|m| m != 0).collect());
         }
         let exposed = from.any_array()?;
-        Ok(Self { settings: mesh::Settings { elements, size, sides, cuts_contacts }, kept, refined, exposed })
+        let of: Vec<u32> = from.any_array()?;
+        let numbers: Vec<[f64; 3]> = from.array(3 * of.len())?;
+        if numbers.iter().flatten().any(|x| !x.is_finite()) {
+            return Err(wrong("its shadows end nowhere"));
+        }
+        let line = |(patch, n): (u32, &[[f64; 3]])| Line { patch, ends: [n[0], n[1]].map(DVec3::from_array), strength: n[2][0] };
+        let lines = of.into_iter().zip(numbers.chunks_exact(3)).map(line).collect();
+        let shadows = Lines { lines, n_left_out: from.number()? };
+        let settings = mesh::Settings { elements, size, sides, cuts_contacts, discontinuities };
+        Ok(Self { settings, kept, refined, exposed, shadows })
     }
 }
 

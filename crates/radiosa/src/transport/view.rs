@@ -59,6 +59,23 @@ impl View {
         Ray::new(origin.as_vec3(), dir.normalize().as_vec3())
     }
 
+    /// Where in the picture a point in world coordinates is seen, in pixels from the top left; `None` behind the eye. The inverse of [`Self::ray`].
+    pub fn place_of(&self, p: DVec3) -> Option<[f64; 2]> {
+        use std::f64::consts::{PI, TAU};
+        let d = p - self.eye;
+        let [x, y, z] = [self.camera.basis.x_axis, self.camera.basis.y_axis, self.camera.basis.z_axis].map(|axis| d.dot(axis));
+        let (u, v) = match self.camera.projection {
+            Projection::Perspective { .. } if z < 0.0 => (x / (-z * self.half), y / (-z * self.half)),
+            Projection::Orthographic { .. } if z < 0.0 => (x / self.half, y / self.half),
+            Projection::Panoramic if d != DVec3::ZERO => {
+                let (phi, theta) = (libm::atan2(x, -z), libm::acos((y / d.length()).clamp(-1.0, 1.0)));
+                return Some([(phi / TAU + 0.5) * self.width, theta / PI * self.height]);
+            }
+            _ => return None,
+        };
+        Some([0.5 * (u * self.height + self.width), 0.5 * (1.0 - v) * self.height])
+    }
+
     /// The linear map to the picture that scan conversion needs, with `near` where perspective needs a near plane; `None` for panoramas, which are not linear.
     pub fn projection(&self, near: f64) -> Option<raster::Projection> {
         let basis = &self.camera.basis;

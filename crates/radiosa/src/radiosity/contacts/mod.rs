@@ -1,10 +1,12 @@
 //! Contact lines: where one surface touches or pierces another.
 //!
 //! Light steps there (a D0 discontinuity): the two sides of a wall do not see each other, however thin it is, and the floor under it is dark. So no element may reach across.
-//! Such lines belong in every mesh, whatever the light [Lischinski92]; those of shadows do not, which move with the lights.
+//! Such lines belong in every mesh, whatever the light [Lischinski92]; those of shadows, which move with the lights, are cut into what contacts left, where they
+//! are asked for ([`super::discontinuity`]).
 //!
 //! A contact counts when it is as long as half an element and the surface rises from it by a quarter of one: what is smaller is in the way of little light. Cells of a grid
-//! are cut where it crosses them, each on its own, into quadrilaterals and triangles; a line that ends inside a cell is drawn on to the cell's border.
+//! are cut where it crosses them, each on its own, into quadrilaterals and triangles; a line that ends inside a cell is drawn on to the cell's border. Convex polygons are halved
+//! by lines to which corners nearby are rounded, so every cell is covered once, whatever lines go through it.
 //! Of surfaces that lie flat on others their outlines count: light hardly gets under them.
 
 mod boxes;
@@ -17,6 +19,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use self::boxes::{Box3, Boxes};
+use super::discontinuity::Line;
 use super::mesh::{Piece, cell_at, corners_of_cell};
 use super::patch::Patch;
 use crate::math::DVec3;
@@ -42,6 +45,10 @@ const MIN_TESTS: usize = 1 << 14;
 const CHUNK: usize = 1024;
 /// A cell is cut by a line that has no less than this fraction of its way through it.
 const INSIDE: f64 = 0.05;
+/// Corners of cells that are nearer to the border of a shadow lie on it, in lengths of an element's edge; and cells are not cut by it where one side of it would be a smaller part
+/// of the cell.
+const SNAP: f64 = 0.02;
+const SLIVER: f64 = 0.02;
 
 /// A line of contact on a patch.
 #[derive(Clone, Copy, Debug)]
@@ -52,17 +59,19 @@ struct Contact {
     area: f64,
 }
 
-/// By patch and cell: the pieces that contact lines cut it into, where they touch it; one alone where they run along its border.
+/// By patch and cell: the pieces that contact lines and then `lines` cut it into, where they touch it; one alone where a contact line runs along its border. At most about
+/// `most` pieces come from contacts.
 pub(super) fn pieces(
     patches: &[Patch],
     kept: &[[bool; 2]],
     grids: &[[u32; 2]],
     size: f64,
     most: usize,
+    lines: &[Line],
 ) -> Vec<BTreeMap<u32, Vec<Piece>>> {
     let mut contacts_of = vec![Vec::new(); patches.len()];
     let mut left = most as f64;
-    for (p, contact) in contacts(patches, kept, size, most) {
+    for (p, contact) in if most > 0 { contacts(patches, kept, size, most) } else { Vec::new() } {
         left -= (contact.to - contact.from).length() / size + 1.0;
         if left < 0.0 {
             break;
@@ -72,9 +81,14 @@ pub(super) fn pieces(
     // The longest first: shorter ones end at them.
     let length = |c: &Contact| (c.to - c.from).length();
     contacts_of.iter_mut().for_each(|contacts| contacts.sort_by(|a, b| length(b).total_cmp(&length(a))));
-    let of_patch = |p: usize| match &contacts_of[p][..] {
-        [] => BTreeMap::new(),
-        contacts => cut(&patches[p], grids[p], contacts, size),
+    let mut lines_of = vec![Vec::new(); patches.len()];
+    for line in lines {
+        let [from, to] = line.ends;
+        lines_of[line.patch as usize].push(Contact { from, to, area: 0.0 });
+    }
+    let of_patch = |p: usize| match (&contacts_of[p][..], &lines_of[p][..]) {
+        ([], []) => BTreeMap::new(),
+        (contacts, lines) => cut(&patches[p], grids[p], contacts, lines, size),
     };
     (0..patches.len()).into_par_iter().map(of_patch).collect()
 }
@@ -198,11 +212,12 @@ fn within(p: &[DVec3], normal: DVec3, [from, to]: [DVec3; 2], near: f64) -> Opti
     (t1 > t0).then(|| [t0, t1].map(|t| from + (to - from) * t))
 }
 
-/// The cells of a patch that contacts touch, cut.
-fn cut(patch: &Patch, n: [u32; 2], contacts: &[Contact], size: f64) -> BTreeMap<u32, Vec<Piece>> {
+/// The cells of a patch that contacts touch or lines cross, cut.
+fn cut(patch: &Patch, n: [u32; 2], contacts: &[Contact], lines: &[Contact], size: f64) -> BTreeMap<u32, Vec<Piece>> {
     let normal = area_vector(patch.corners()).normalize_or_zero();
     let mut touched: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
-    for (k, contact) in contacts.iter().enumerate() {
+    let all = || contacts.iter().chain(lines);
+    for (k, contact) in all().enumerate() {
         let d = contact.to - contact.from;
         let aside = normal.cross(d).normalize_or_zero() * (2.0 * NEAR * size);
         let steps = (d.length() / (STEP * size)).ceil().clamp(1.0, MAX_STEPS);
@@ -216,58 +231,69 @@ fn cut(patch: &Patch, n: [u32; 2], contacts: &[Contact], size: f64) -> BTreeMap<
             }
         }
     }
+    let all: Vec<&Contact> = all().collect();
     let of_cell = |(cell, of_cell): (u32, Vec<usize>)| {
         let (corners, n_corners) = corners_of_cell(patch, n, 1, cell);
         let mut polygons = vec![corners[..n_corners].to_vec()];
+        let area = |polygon: &[DVec3]| area_vector(polygon).length();
+        let least = SLIVER * area(&polygons[0]);
+        let touches_contact = of_cell.first().is_some_and(|&k| k < contacts.len());
         for k in of_cell {
+            let is_contact = k < contacts.len();
+            let near = if is_contact { NEAR } else { SNAP } * size;
             for i in 0..polygons.len() {
                 if polygons.len() < MAX_PIECES
-                    && let Some([left, right]) = split(&polygons[i], &contacts[k], normal, NEAR * size)
+                    && let Some([left, right]) = split(&polygons[i], all[k], normal, near)
+                    && (is_contact || area(&left).min(area(&right)) >= least)
                 {
                     polygons[i] = left;
                     polygons.push(right);
                 }
             }
         }
-        (cell, polygons.iter().flat_map(|polygon| quadrilaterals(polygon)).collect())
+        let is_cut = touches_contact || polygons.len() > 1;
+        is_cut.then(|| (cell, polygons.iter().flat_map(|polygon| quadrilaterals(polygon)).collect()))
     };
-    touched.into_iter().map(of_cell).collect()
+    touched.into_iter().filter_map(of_cell).collect()
 }
 
-/// Both parts of a convex polygon that a contact goes through.
+/// Both parts of a convex polygon that a contact goes through: on either side of the chord between two corners, or places of edges. Where several corners next to each other
+/// are near the line, the nearest is an end of the chord.
 fn split(polygon: &[DVec3], contact: &Contact, normal: DVec3, near: f64) -> Option<[Vec<DVec3>; 2]> {
+    let n = polygon.len();
     let d = (contact.to - contact.from).normalize_or_zero();
     let across = normal.cross(d);
-    let height = |p: DVec3| {
-        let h = (p - contact.from).dot(across);
-        if h.abs() <= near { 0.0 } else { h }
-    };
+    let heights: Vec<f64> = polygon.iter().map(|p| (*p - contact.from).dot(across)).collect();
+    let side = |k: usize| if heights[k % n].abs() <= near { 0.0 } else { heights[k % n].signum() };
+    let first = (0..n).find(|&k| side(k) != 0.0)?;
     let mut parts = [Vec::new(), Vec::new()];
-    let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
-    for (k, &a) in polygon.iter().enumerate() {
-        let b = polygon[(k + 1) % polygon.len()];
-        let (ha, hb) = (height(a), height(b));
-        let mut on_line = |p: DVec3| {
-            let t = (p - contact.from).dot(d);
-            (first, last) = (first.min(t), last.max(t));
-        };
-        if ha >= 0.0 {
-            parts[0].push(a);
+    let mut ends = Vec::new();
+    let of = |side: f64| usize::from(side < 0.0);
+    let mut k = first;
+    while k < first + n {
+        // A corner off the line, those on it that follow, and the next off it.
+        parts[of(side(k))].push(polygon[k % n]);
+        let next = (k + 1..=first + n).find(|&l| side(l) != 0.0)?;
+        let between = k + 1..next;
+        if side(k) == side(next) {
+            parts[of(side(k))].extend(between.map(|l| polygon[l % n]));
+        } else {
+            let nearest = between.clone().min_by(|&a, &b| heights[a % n].abs().total_cmp(&heights[b % n].abs()));
+            let (a, b) = (polygon[k % n], polygon[next % n]);
+            let crossing = || a + (b - a) * (heights[k % n] / (heights[k % n] - heights[next % n]));
+            let end = nearest.map_or_else(crossing, |l| polygon[l % n]);
+            let corners = |of: std::ops::Range<usize>| of.map(|l| polygon[l % n]);
+            parts[of(side(k))].extend(corners(k + 1..nearest.unwrap_or(k + 1)));
+            parts.iter_mut().for_each(|part| part.push(end));
+            parts[of(side(next))].extend(corners(nearest.map_or(next, |l| l + 1)..next));
+            ends.push((end - contact.from).dot(d));
         }
-        if ha <= 0.0 {
-            parts[1].push(a);
-        }
-        if ha == 0.0 {
-            on_line(a);
-        } else if ha * hb < 0.0 {
-            let p = a + (b - a) * (ha / (ha - hb));
-            on_line(p);
-            parts.iter_mut().for_each(|part| part.push(p));
-        }
+        k = next;
     }
-    let crosses = polygon.iter().any(|p| height(*p) > 0.0) && polygon.iter().any(|p| height(*p) < 0.0);
+    let [a, b] = ends[..] else { return None };
+    let (first, last) = (a.min(b), a.max(b));
     let inside = last.min((contact.to - contact.from).length()) - first.max(0.0);
-    (crosses && inside > (INSIDE * (last - first)).max(near)).then_some(parts)
+    (inside > (INSIDE * (last - first)).max(near)).then_some(parts)
 }
 
 /// A convex polygon as quadrilaterals and at most one triangle, around the corner that leaves the largest smallest of them.
@@ -308,6 +334,30 @@ mod tests {
             let area: f64 = pieces.iter().map(|(c, n)| area_vector(&c[..*n]).z).sum();
             assert!((area - area_vector(&polygon).z).abs() < 1e-12, "{n} corners");
         }
+    }
+
+    #[test]
+    fn polygons_are_halved_without_loss_wherever_the_line_runs() {
+        let polygon = [[0.0, 0.0], [0.5, -0.01], [1.0, 0.0], [1.01, 0.5], [1.0, 1.0], [0.0, 1.0]];
+        let polygon = polygon.map(|[x, y]| DVec3::new(x, y, 0.0));
+        let whole = area_vector(&polygon).z;
+        let mut n_split = 0;
+        for k in 0..2000u32 {
+            let number = |i: u32| f64::from(k.wrapping_mul(2_654_435_761).rotate_left(7 * i) >> 8) / f64::from(1 << 24);
+            // Some along edges, or nearly.
+            let [from, to] = match k % 3 {
+                0 => [[-1.0, 0.02 * number(0)], [2.0, 0.02 * number(1)]],
+                1 => [[1.0 + 0.02 * number(0), -1.0], [1.0 + 0.02 * number(1), 2.0]],
+                _ => [[-1.0, 3.0 * number(0) - 1.0], [2.0, 3.0 * number(1) - 1.0]],
+            };
+            let contact = Contact { from: DVec3::new(from[0], from[1], 0.0), to: DVec3::new(to[0], to[1], 0.0), area: 1.0 };
+            if let Some(parts) = split(&polygon, &contact, DVec3::Z, 0.02) {
+                let areas = parts.each_ref().map(|part| area_vector(part).z);
+                assert!(areas.iter().all(|a| *a > 0.0) && (areas[0] + areas[1] - whole).abs() < 1e-12, "{k}: {parts:?}");
+                n_split += 1;
+            }
+        }
+        assert!((400..1400).contains(&n_split), "{n_split}");
     }
 
     #[test]

@@ -10,6 +10,7 @@
 //! as at a camera ray, whatever the size of the elements.
 
 mod near;
+pub(super) mod shadows;
 
 use self::near::Near;
 use super::direct::DirectLight;

@@ -27,6 +27,7 @@ use super::form_factor::Factors;
 use super::mesh::ElementMesh;
 use super::stream::{In, Out, wrong};
 use super::system::{Sums, System, Unknowns};
+use crate::math::DVec3;
 
 /// How exact, and with how many links.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,6 +95,19 @@ pub struct Hierarchical {
     is_closed: Vec<bool>,
 }
 
+/// A link of an element, or of a group it belongs to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinkOf {
+    /// The middle of what it leads to.
+    pub other: DVec3,
+    /// Elements at this end, and at the other.
+    pub n_own: usize,
+    /// See `n_own`.
+    pub n_other: usize,
+    /// What the groups exchange: `Σ A_i F_ij`, m².
+    pub area: f64,
+}
+
 /// What a step took.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Taken {
@@ -121,6 +135,21 @@ impl Hierarchical {
     /// Pairs of nodes that are linked.
     pub fn n_links(&self) -> usize {
         self.links.len()
+    }
+
+    /// The links of an element, those of the groups it belongs to included; what no light can reach has none.
+    pub fn links_of(&self, element: u32) -> Vec<LinkOf> {
+        let mut links = Vec::new();
+        for node in self.tree.path_to(element) {
+            let ends = &self.ends[self.starts[node as usize]..self.starts[node as usize + 1]];
+            links.extend(ends.iter().map(|end| LinkOf {
+                other: self.tree.nodes[end.node as usize].centre,
+                n_own: self.tree.members(node).len(),
+                n_other: self.tree.members(end.node).len(),
+                area: end.area,
+            }));
+        }
+        links
     }
 
     /// The tolerance the links have in the end, which is larger than asked for where there would be too many of them.

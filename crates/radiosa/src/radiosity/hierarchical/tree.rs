@@ -75,6 +75,19 @@ impl Tree {
         &self.members[start as usize..end as usize]
     }
 
+    /// The nodes that have an element, the root first; none where it is in none.
+    pub(super) fn path_to(&self, element: u32) -> Vec<u32> {
+        let mut path = Vec::new();
+        let Some(at) = self.members.iter().position(|&i| i == element) else { return path };
+        let mut node = 0;
+        loop {
+            path.push(node);
+            let Some([a, b]) = self.nodes[node as usize].children else { return path };
+            let [_, end] = self.nodes[a as usize].members;
+            node = if at < end as usize { a } else { b };
+        }
+    }
+
     /// Elements in all.
     pub(super) fn n_elements(&self) -> usize {
         self.members.len()

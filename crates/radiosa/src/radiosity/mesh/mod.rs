@@ -1,7 +1,8 @@
 //! Elements: the cells of patches that carry a value, one for each side.
 //!
 //! Every quadrilateral is a regular grid of `n_s × n_t` cells, every triangle is cut into `n²` similar ones, all about as large as asked
-//! for. Cells that another surface stands on or goes through are cut along the line of contact (`contacts`). An element is a convex polygon
+//! for. Cells that another surface stands on or goes through are cut along the line of contact (`contacts`), and along the borders of shadows where that is asked for
+//! (`discontinuity`). An element is a convex polygon
 //! that emits and receives from the side its corners run counter-clockwise on; the back of a cell is an element of its own, with the corners reversed.
 
 mod blocks;
@@ -12,6 +13,7 @@ use std::collections::BTreeMap;
 use self::cells::{cell_corners, cells, reversed, size_for};
 use super::contacts;
 use super::direct::DirectLight;
+use super::discontinuity::{self, Lines};
 use super::exposure;
 use super::patch::{self, Patch, Patches};
 use super::sides::{self, Side};
@@ -40,6 +42,9 @@ pub struct Settings {
     pub sides: Sides,
     /// Cells are cut along the lines where other surfaces touch or pierce theirs; by at most half as many pieces as there are cells.
     pub cuts_contacts: bool,
+    /// Cells are cut along the borders of shadows of so many lamps, and of so many sides of emitting patches, the most powerful first; by at most about as many
+    /// pieces as there are cells.
+    pub discontinuities: u32,
 }
 
 /// Which sides of surfaces take part.
@@ -55,7 +60,7 @@ pub enum Sides {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { elements: 4000, size: None, sides: Sides::Lit, cuts_contacts: true }
+        Self { elements: 4000, size: None, sides: Sides::Lit, cuts_contacts: true, discontinuities: 0 }
     }
 }
 
@@ -68,7 +73,7 @@ pub struct Element {
     pub side: Side,
     /// Cell within the patch's grid.
     pub cell: u32,
-    /// Part of the cell, which contact lines cut into pieces and refinement divides like patches of their own; 0 when it is whole.
+    /// Part of the cell, which contact lines and shadows cut into pieces and refinement divides like patches of their own; 0 when it is whole.
     pub part: u32,
     /// Unit, on the side that emits and receives.
     pub normal: DVec3,
@@ -176,7 +181,7 @@ pub struct Grid {
 /// Cells of a grid cut into pieces and divided again, each piece into `k × k` parts.
 #[derive(Clone, Debug, PartialEq)]
 struct Splits {
-    /// The pieces of cells that contact lines touch; others are whole.
+    /// The pieces of cells that contact lines touch and shadows cut; others are whole.
     pieces: BTreeMap<u32, Vec<Piece>>,
     /// Parts along an edge, by cell.
     k: Vec<u32>,
@@ -219,6 +224,14 @@ pub struct Record {
     pub refined: Vec<Vec<bool>>,
     /// By element: its points that light can reach; empty when that is not known.
     pub exposed: Vec<u64>,
+    /// The borders of shadows that cells were cut along.
+    pub shadows: Lines,
+}
+
+/// The borders of shadows that a mesh has: those of a world's lights, or those it had before.
+enum Shadows<'a> {
+    Of(&'a DirectLight<'a>),
+    Known(&'a Lines),
 }
 
 impl ElementMesh {
@@ -234,7 +247,7 @@ impl ElementMesh {
         if settings.sides == Sides::Lit {
             pass_on(&patches.patches, &before, &mut kept);
         }
-        let mut mesh = Self::whole(patches, settings, before, kept);
+        let mut mesh = Self::whole(world, patches, settings, (before, kept), Shadows::Of(direct));
         if settings.sides == Sides::Lit {
             mesh.set_exposed(exposure::exposed(world, &mesh, direct));
         }
@@ -249,18 +262,33 @@ impl ElementMesh {
     }
 
     /// The cells of the kept sides of patches, none divided again.
-    fn whole(patches: Patches, settings: &Settings, before: BTreeMap<u32, Vec<u32>>, kept: Vec<[bool; 2]>) -> Self {
+    fn whole(
+        world: &World,
+        patches: Patches,
+        settings: &Settings,
+        (before, kept): (BTreeMap<u32, Vec<u32>>, Vec<[bool; 2]>),
+        shadows: Shadows,
+    ) -> Self {
         let size = settings.size.unwrap_or_else(|| size_for(&patches.patches, &kept, settings.elements));
         let grids: Vec<[u32; 2]> = patches.patches.iter().map(|patch| cells(patch, size)).collect();
         let n_cells = |n: &[u32; 2]| (n[0] * n[1]) as usize;
         let mut pieces = vec![BTreeMap::new(); grids.len()];
-        if settings.cuts_contacts && size.is_finite() {
-            let most = grids.iter().map(n_cells).sum::<usize>() / 2;
-            pieces = contacts::pieces(&patches.patches, &kept, &grids, size, most);
+        let n = grids.iter().map(n_cells).sum::<usize>();
+        let shadows = match shadows {
+            Shadows::Known(lines) => lines.clone(),
+            Shadows::Of(direct) if settings.discontinuities > 0 && size.is_finite() => {
+                let limits = discontinuity::Limits { emitters: settings.discontinuities, size, pieces: n };
+                discontinuity::lines(world, &patches, &kept, direct, limits)
+            }
+            Shadows::Of(_) => Lines::default(),
+        };
+        if size.is_finite() && (settings.cuts_contacts || !shadows.lines.is_empty()) {
+            let most = if settings.cuts_contacts { n / 2 } else { 0 };
+            pieces = contacts::pieces(&patches.patches, &kept, &grids, size, most, &shadows.lines);
         }
         let splits = |n, pieces: BTreeMap<_, _>| (!pieces.is_empty()).then(|| Splits::new(pieces, vec![1; n_cells(n)]));
         let grids = grids.iter().zip(pieces).map(|(n, pieces)| (*n, splits(n, pieces))).collect();
-        let record = Record { settings: settings.clone(), kept, refined: Vec::new(), exposed: Vec::new() };
+        let record = Record { settings: settings.clone(), kept, refined: Vec::new(), exposed: Vec::new(), shadows };
         Self::build(patches, grids, before, record)
     }
 
@@ -296,8 +324,13 @@ impl ElementMesh {
         if record.kept.len() != patches.patches.len() {
             return None;
         }
+        let is_there = |line: &discontinuity::Line| (line.patch as usize) < record.kept.len();
+        if !record.shadows.lines.iter().all(is_there) {
+            return None;
+        }
         let before = Self::before(world, &patches.patches, &record.settings);
-        let mut mesh = Self::whole(patches, &record.settings, before, record.kept.clone());
+        let cells = (before, record.kept.clone());
+        let mut mesh = Self::whole(world, patches, &record.settings, cells, Shadows::Known(&record.shadows));
         for marked in &record.refined {
             if marked.len() != mesh.elements.len() {
                 return None;
@@ -317,8 +350,11 @@ impl ElementMesh {
     pub fn estimate(world: &World, settings: &Settings) -> u64 {
         let patches = Patches::new(world).patches;
         let n = 2 * patches.len() as u64;
-        let Some(size) = settings.size else { return n + u64::from(settings.elements) };
-        patches.iter().map(|patch| cells(patch, size).iter().map(|&n| u64::from(n)).product::<u64>() * 2).sum::<u64>()
+        let Some(size) = settings.size else {
+            return n + u64::from(settings.elements) * if settings.discontinuities > 0 { 2 } else { 1 };
+        };
+        let sides = if settings.discontinuities > 0 { 4 } else { 2 };
+        patches.iter().map(|patch| cells(patch, size).iter().map(|&n| u64::from(n)).product::<u64>() * sides).sum::<u64>()
     }
 
     /// Elements over given grids.
@@ -388,9 +424,14 @@ impl ElementMesh {
             }
         }
         let grids = self.grids.iter().zip(splits).map(|(g, s)| (g.n, s.map(|s| Splits::new(s.pieces, s.k)))).collect();
-        let Record { settings, kept, mut refined, .. } = self.record.clone();
+        let Record { settings, kept, mut refined, shadows, .. } = self.record.clone();
         refined.push(marked.to_vec());
-        Self::build(self.patches.clone(), grids, self.before.clone(), Record { settings, kept, refined, exposed: Vec::new() })
+        Self::build(
+            self.patches.clone(),
+            grids,
+            self.before.clone(),
+            Record { settings, kept, refined, exposed: Vec::new(), shadows },
+        )
     }
 
     /// In the order of patches; of one patch the front before the back.
@@ -461,7 +502,14 @@ impl ElementMesh {
         self.splits[patch].is_some()
     }
 
-    /// A contact line touches the cell of an element.
+    /// By patch: borders of shadows are cut into it.
+    pub(super) fn has_shadows(&self) -> Vec<bool> {
+        let mut has_shadows = vec![false; self.grids.len()];
+        self.record.shadows.lines.iter().for_each(|line| has_shadows[line.patch as usize] = true);
+        has_shadows
+    }
+
+    /// A contact line touches the cell of an element, or the border of a shadow cuts it.
     pub(super) fn is_at_contact(&self, element: &Element) -> bool {
         self.splits[element.patch as usize].as_ref().is_some_and(|s| s.pieces.contains_key(&element.cell))
     }
