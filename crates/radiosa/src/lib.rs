@@ -74,6 +74,8 @@ pub mod spectrum;
 
 pub mod sampling;
 
+pub mod stream;
+
 pub mod scene;
 
 pub mod film;

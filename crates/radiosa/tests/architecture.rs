@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 /// Modules by layer, lowest first (`ARCHITECTURE.md` explains them).
 const LAYERS: [&[&str]; 7] = [
-    &["math", "spectrum", "radiometry", "sampling"],
+    &["math", "spectrum", "radiometry", "sampling", "stream"],
     &["scene", "import", "film"],
     &["accel", "raster", "bsdf", "emitter"],
     &["transport"],

@@ -136,9 +136,17 @@ pub(crate) struct Render {
     #[arg(long)]
     pub(crate) half: bool,
 
-    /// Layers of EXR files: all, none, or a list of lobe, path, albedo, normal, depth, position, object
+    /// Layers of EXR files: all, none, or a list of lobe, path, albedo, normal, depth, position, variance, object
     #[arg(long, value_delimiter = ',', default_value = "all")]
     pub(crate) layers: Vec<LayerChoice>,
+
+    /// Go on from where it was interrupted, to the same picture as if it had not been (path tracing); begin where nothing was kept
+    #[arg(long)]
+    pub(crate) resume: bool,
+
+    /// Keep what there is about this often, beside the first output, until the picture is done (path tracing)
+    #[arg(long, value_name = "DURATION", default_value = "60s", value_parser = value::parse_duration)]
+    pub(crate) save_every: Duration,
 
     #[command(flatten)]
     pub(crate) work: Work,
@@ -208,5 +216,7 @@ pub(crate) enum LayerChoice {
     Normal,
     Depth,
     Position,
+    /// Of each pixel's mean, and how many samples it is of
+    Variance,
     Object,
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use radiosa::import::Override;
 
-use super::value::{Emitters, Exposure, Size, parse_color, parse_fraction, parse_pixel, parse_scale};
+use super::value::{Emitters, Exposure, Size, parse_color, parse_fraction, parse_noise, parse_pixel, parse_scale};
 use super::{Lamps, Overlay, Radiosity, Show};
 
 /// Everything that decides about the light in a picture, whatever is done with it.
@@ -24,9 +24,14 @@ pub(crate) struct Picture {
     #[arg(long, value_name = "NAME|INDEX")]
     pub(crate) camera: Option<String>,
 
-    /// Samples a pixel [default: 4, for path tracing 16]
+    /// Samples a pixel [default: 4, for path tracing 16, or as many as --noise and --time take]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub(crate) spp: Option<u32>,
+
+    /// Stop at this relative error, the root of the mean of Var/(L² + ε), and send samples where they bring it down most (path tracing); --spp is then the most
+    /// a pixel may have
+    #[arg(long, value_name = "X", value_parser = parse_noise)]
+    pub(crate) noise: Option<f64>,
 
     /// Reconstruction filter
     #[arg(long, value_enum, default_value_t = Filter::Box)]

@@ -71,6 +71,10 @@ pub(crate) fn parse_color(s: &str) -> Result<[f32; 3], String> {
     }
 }
 
+pub(crate) fn parse_noise(s: &str) -> Result<f64, String> {
+    s.parse::<f64>().ok().filter(|v| v.is_finite() && *v > 0.0).ok_or_else(|| "give an error above zero, such as 0.02".into())
+}
+
 pub(crate) fn parse_scale(s: &str) -> Result<f64, String> {
     s.parse::<f64>().ok().filter(|v| v.is_finite() && *v > 0.0).ok_or_else(|| "give a number above zero".into())
 }

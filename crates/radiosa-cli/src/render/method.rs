@@ -17,6 +17,7 @@ use radiosa::transport::{self, Integrator, Solver, Step, View, World, default_li
 
 use super::output;
 use super::plan::Stage;
+use super::progressive::{self, Sampled, Save};
 use crate::args::{self, Method, OnOff, Picture, Work};
 use crate::error::Error;
 use crate::interrupt;
@@ -98,8 +99,13 @@ impl Choice {
     }
 
     /// What drawing takes beside the prepared scene and the film, bytes.
-    pub(crate) fn memory(self, world: &World, picture: &Picture) -> u64 {
-        if self.method == Method::Scanline { ScanLine::memory(world, &scanline_settings(picture, &[])) } else { 0 }
+    pub(crate) fn memory(self, stage: &Stage, picture: &Picture, layers: &[Layer]) -> u64 {
+        let (world, sampling) = (&stage.world, sampling(stage, picture, layers));
+        match self.method {
+            Method::Scanline => ScanLine::memory(world, &scanline_settings(picture, &[])),
+            Method::Path => progressive::memory(&sampling),
+            _ => 0,
+        }
     }
 
     /// What should be said of the picture asked for: the name of the warning, and the words. `given` are the options that were typed.
@@ -150,7 +156,7 @@ fn methods_of(option: &str) -> Option<&'static [Method]> {
         "interpolation" | "cull" | "tessellation" => &[Scanline],
         "max-depth" | "fresnel" | "samples" => &[Whitted, Hybrid, Path],
         "min-weight" | "transparent-shadows" => &[Whitted, Hybrid],
-        "phong" => &[Path],
+        "phong" | "noise" | "resume" | "save-every" => &[Path],
         "adaptive" => &[Raycast, Whitted, Radiosity, Hybrid],
         "shadows" => &[Raycast, Whitted, Hybrid],
         "environment-shadows" => &[Raycast, Whitted],
@@ -286,6 +292,15 @@ pub(crate) struct Drawing {
     pub(crate) count: u64,
     /// How much of each pixel the lines of an overlay cover, where one is asked for.
     pub(crate) lines: Option<Vec<f32>>,
+    /// How it came to its samples, where that is not known before.
+    pub(crate) sampled: Option<Sampled>,
+}
+
+impl Drawing {
+    /// How many samples a pixel has, in words.
+    pub(crate) fn samples(&self, picture: &Picture, choice: Choice) -> String {
+        self.sampled.as_ref().map_or_else(|| output::samples(picture, choice), Sampled::samples)
+    }
 }
 
 /// Draws until it is done, time is up or somebody interrupts.
@@ -298,7 +313,7 @@ pub(crate) fn draw(
     choice: Choice,
     lighting: &Lighting,
     layers: &[Layer],
-    watch: &Watch,
+    (watch, save): (&Watch, Option<&Save>),
 ) -> Result<Drawing, Error> {
     let (world, view) = (&stage.world, &stage.view);
     let sampling = sampling(stage, picture, layers);
@@ -344,14 +359,15 @@ pub(crate) fn draw(
             Ok(Drawing { done: drawing.done.min(found.done).min(filled), count: drawing.count + n_rays, lines, ..drawing })
         }
         Method::Path => {
-            let method = PathTracer::new(world, &path_settings(stage, picture, &lighting.extra_lights));
-            tiled(&method, stage, sampling, watch)
+            let settings = path_settings(stage, picture, &lighting.extra_lights);
+            let method = PathTracer::new(world, &settings);
+            progressive::draw(&method, &format!("{settings:?}"), stage, picture, sampling, (watch, save))
         }
         Method::Scanline => {
             let settings = scanline_settings(picture, &lighting.extra_lights);
             let mut render = ScanLine::new(world, view, &settings, sampling)?;
             let done = watch.run(&mut render, world, ScanLine::n_triangles);
-            Ok(Drawing { done, count: render.n_triangles(), film: render.into_film(), lines: None })
+            Ok(Drawing { done, count: render.n_triangles(), film: render.into_film(), lines: None, sampled: None })
         }
     }
 }
@@ -395,7 +411,7 @@ fn overlay(stage: &Stage, picture: &Picture, solved_in: &World, found: &solve::F
 fn tiled(method: &impl Integrator, stage: &Stage, sampling: film::Sampling, watch: &Watch) -> Result<Drawing, Error> {
     let mut render = tiles::TiledRender::new(method, &stage.view, sampling)?;
     let done = watch.run(&mut render, &stage.world, tiles::TiledRender::n_rays);
-    Ok(Drawing { done, count: render.n_rays(), film: render.into_film(), lines: None })
+    Ok(Drawing { done, count: render.n_rays(), film: render.into_film(), lines: None, sampled: None })
 }
 
 /// Draws by rays: a fixed number of samples a pixel, or more where they differ.
@@ -422,7 +438,7 @@ fn trace(
     };
     let mut render = adaptive::AdaptiveRender::new(method, view, settings)?;
     let done = watch.run(&mut render, world, adaptive::AdaptiveRender::n_rays);
-    Ok(Drawing { done, count: render.n_rays(), film: render.into_film(), lines: None })
+    Ok(Drawing { done, count: render.n_rays(), film: render.into_film(), lines: None, sampled: None })
 }
 
 /// The radiance that will show as white, by a small and coarse picture: the exposure may depend on what is seen.
@@ -463,6 +479,21 @@ impl Watch {
             }
         }
         1.0
+    }
+
+    /// What may be taken.
+    pub(super) fn work(&self) -> &Work {
+        &self.work
+    }
+
+    /// Since the clock was started.
+    pub(super) fn elapsed(&self) -> Duration {
+        self.start.elapsed()
+    }
+
+    /// Shows how far it is.
+    pub(super) fn update(&self, done: f64, count: u64) {
+        self.progress.update(done, count);
     }
 
     /// Takes the bar away; how long it took.
@@ -516,10 +547,13 @@ fn path_settings(stage: &Stage, picture: &Picture, extra_lights: &[Light]) -> pa
         },
         fresnel: weighing(picture),
         extra_lights: extra_lights.to_vec(),
-        footprint: footprint(stage, picture),
+        footprint: stage.view.footprint(PATH_FOOTPRINT),
         eye: Some(stage.view.eye()),
     }
 }
+
+/// Samples a pixel that textures are read for by path tracing, however many there will be: one does not know, and a sample is the same in any case.
+const PATH_FOOTPRINT: u32 = 64;
 
 fn weighing(picture: &Picture) -> whitted::Fresnel {
     match picture.fresnel {

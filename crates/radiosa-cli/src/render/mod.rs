@@ -4,11 +4,13 @@
 pub(crate) mod method;
 pub(crate) mod output;
 pub(crate) mod plan;
+pub(crate) mod progressive;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
+use radiosa::export::checkpoint;
 use radiosa::export::image::{self, ExrDepth, PngDepth};
 use radiosa::import::Warning;
 use serde_json::json;
@@ -61,7 +63,7 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
     let layers = plan::layers(&args.layers, &outputs);
     let choice = method::choose(picture, &stage.world)?;
     let what = format!("a picture of {}x{} with its scene", stage.size.width, stage.size.height);
-    plan::within_memory(&what, stage.memory_with(&layers) + choice.memory(&stage.world, picture), work)?;
+    plan::within_memory(&what, stage.memory_with(&layers) + choice.memory(&stage, picture, &layers), work)?;
     let begun = Instant::now();
     let lighting = method::light(&stage, picture, choice, &|| method::is_over(begun, work));
     let said = choice.misfits(picture, &stage, &args.given).into_iter().chain(lighting.warnings.iter().cloned());
@@ -70,7 +72,8 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
         output::say_warnings(&warnings);
     }
     let watch = Watch::new("render", choice, work, begun);
-    let drawing = method::draw(&stage, picture, choice, &lighting, &layers, &watch)?;
+    let save = progressive::Save { path: checkpoint::path_of(&outputs[0]), every: args.save_every, resume: args.resume };
+    let drawing = method::draw(&stage, picture, choice, &lighting, &layers, (&watch, Some(&save)))?;
     let trace_time = watch.finish();
 
     let options = image::Options {
@@ -79,7 +82,7 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
         exr_depth: if args.half { ExrDepth::Half } else { ExrDepth::Single },
     };
     let exposure = options.tone_map.prepare(&drawing.film).factor;
-    let recipe = output::recipe(&args.scene, picture, &stage, choice, drawing.done);
+    let recipe = output::recipe(&args.scene, picture, &stage, choice, &drawing);
     for output in &outputs {
         let is_png = image::Format::of(output)? == image::Format::Png;
         match &drawing.lines {
@@ -112,7 +115,7 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
             stage.camera.name,
             stage.size.width,
             stage.size.height,
-            output::samples(picture, choice)
+            drawing.samples(picture, choice)
         ));
         lines.push(format!("exposure    {exposure}"));
         lines.push(format!(
@@ -122,9 +125,19 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
             seconds(trace_time),
             world.cpu_path()
         ));
+        let sampled = drawing.sampled.as_ref();
+        if let Some(noise) = sampled.and_then(|s| s.noise) {
+            let again = sampled.and_then(|s| s.repeat.as_ref()).map(|options| format!("; the same bits again: {options}"));
+            lines.push(format!("noise       {noise:.2e}{}", again.unwrap_or_default()));
+        }
         if drawing.done < 1.0 {
             let done = drawing.done * 100.0;
-            lines.push(format!("unfinished  {done:.1} % of the picture is done; run it again to have all of it"));
+            lines.push(match sampled.and_then(|s| s.checkpoint.as_ref()) {
+                Some(path) => {
+                    format!("unfinished  {done:.1} % is done and kept in {}; run it again with --resume to go on", path.display())
+                }
+                None => format!("unfinished  {done:.1} % of the picture is done; run it again to have all of it"),
+            });
         }
         for output in &outputs {
             lines.push(format!("wrote       {}", output.display()));
@@ -155,6 +168,15 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
             "warnings": output::warnings_json(&warnings),
             "outputs": outputs,
         });
+        if let Some(sampled) = &drawing.sampled {
+            report["spp"] = json!(sampled.mean);
+            report["spp_range"] = json!(sampled.range);
+            report["noise"] = json!(sampled.noise);
+            report["repeat"] = json!(sampled.repeat);
+            report["resumed_after"] = json!(sampled.resumed);
+            report["checkpoint"] = json!(sampled.checkpoint);
+            report["seconds"]["first_picture"] = json!(sampled.first.map(|first| first.as_secs_f64()));
+        }
         report[unit] = drawing.count.into();
         report[format!("m{unit}_per_second")] = rate.into();
         crate::version::say(&report.to_string());

@@ -7,7 +7,7 @@ use radiosa::film::{Film, tone_map};
 use radiosa::import::Warning;
 use radiosa::scene::{Quantity, Scene};
 
-use super::method::Choice;
+use super::method::{Choice, Drawing};
 use super::plan::Stage;
 use crate::args::{self, Exposure, Picture};
 
@@ -67,8 +67,8 @@ pub(crate) fn command_line() -> String {
 }
 
 /// How a picture was made.
-pub(crate) fn recipe(scene: &str, picture: &Picture, stage: &Stage, choice: Choice, done: f64) -> Recipe {
-    let recipe = Recipe::new()
+pub(crate) fn recipe(scene: &str, picture: &Picture, stage: &Stage, choice: Choice, drawing: &Drawing) -> Recipe {
+    let mut recipe = Recipe::new()
         .with("version", env!("CARGO_PKG_VERSION"))
         .with("command", command_line())
         .with("scene", scene)
@@ -76,10 +76,19 @@ pub(crate) fn recipe(scene: &str, picture: &Picture, stage: &Stage, choice: Choi
         .with("camera", &stage.camera.name)
         .with("view", stage.view.radiance_view())
         .with("size", format!("{}x{}", stage.size.width, stage.size.height))
-        .with("spp", samples(picture, choice))
+        .with("spp", drawing.samples(picture, choice))
         .with("seed", picture.seed.to_string())
         .with("quantity", quantity_name(stage.world.scene().quantity))
         .with("cpu-path", stage.world.cpu_path().to_string());
+    if let Some(sampled) = &drawing.sampled {
+        if let Some(noise) = sampled.noise {
+            recipe.set("noise", format!("{noise:.5}"));
+        }
+        if let Some(options) = &sampled.repeat {
+            recipe.set("repeat", options);
+        }
+    }
+    let done = drawing.done;
     if done < 1.0 { recipe.with("unfinished", format!("{:.1} % done", done * 100.0)) } else { recipe }
 }
 

@@ -236,6 +236,7 @@ pub(crate) fn layers(choices: &[args::LayerChoice], outputs: &[PathBuf]) -> Vec<
             C::Normal => &[Layer::Normal],
             C::Depth => &[Layer::Depth],
             C::Position => &[Layer::Position],
+            C::Variance => &[Layer::Variance, Layer::Samples],
             C::Object => &[Layer::ObjectId],
         });
     }

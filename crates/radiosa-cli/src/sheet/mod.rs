@@ -276,7 +276,7 @@ fn draw_all(cells: &[Cell], options: &[String], work: &Work, warnings: &mut Vec<
         let picture: &Picture = &cells[i].picture;
         let stage = stage(&cells[i], work, warnings)?;
         let choice = method::choose(picture, &stage.world)?;
-        plan::within_memory("a cell with its scene", stage.memory_with(&layers) + choice.memory(&stage.world, picture), work)?;
+        plan::within_memory("a cell with its scene", stage.memory_with(&layers) + choice.memory(&stage, picture, &layers), work)?;
         let begun = Instant::now();
         let work = Work { time: left, ..work.clone() };
         let lighting = method::light(&stage, picture, choice, &|| method::is_over(begun, &work));
@@ -284,12 +284,12 @@ fn draw_all(cells: &[Cell], options: &[String], work: &Work, warnings: &mut Vec<
         let said = choice.misfits(picture, &stage, &[]).into_iter().chain(lighting.warnings.iter().cloned());
         warnings.extend(said.map(|(name, message)| Warning { name, path: PathBuf::from(&cells[i].scene), message }));
         let watch = Watch::new(&format!("cell {} of {}", i + 1, cells.len()), choice, &work, begun);
-        let drawing = method::draw(&stage, picture, choice, &lighting, &layers, &watch)?;
+        let drawing = method::draw(&stage, picture, choice, &lighting, &layers, (&watch, None))?;
         watch.finish();
         let tone_map = output::tone_map(picture, stage.world.scene(), lighting.is_default);
         for j in group {
             let film = layer_as_color(&drawing.film, cells[j].layer)?;
-            let samples = output::samples(picture, choice);
+            let samples = drawing.samples(picture, choice);
             all[j] =
                 Some(Drawn { film, method: choice.name(), samples, tone_map, done: drawing.done, lines: drawing.lines.clone() });
         }

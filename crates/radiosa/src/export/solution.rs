@@ -14,30 +14,25 @@
 //! The scene itself is not inside: whoever reads the light brings it, and the hash tells whether it is the same.
 
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::{self, BufReader, Read};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use xxhash_rust::xxh3::Xxh3;
 
+use super::container::{self, Kind, damaged, unreadable};
 use super::image::Recipe;
-use super::target::{ExportError, check_writable, write_atomically};
+use super::target::{ExportError, check_writable};
 use crate::radiosity::solve::Stop;
-use crate::radiosity::stream::{In, Out};
 use crate::radiosity::{Division, Progress, Settings, Solution};
 use crate::scene::{Pixels, Scene};
+use crate::stream::In;
 use crate::transport::World;
 
-const MAGIC: &[u8; 8] = b"RADIOSA\0";
-const VERSION: u32 = 2;
-/// Fast, and good enough for floating-point numbers.
-const LEVEL: i32 = 1;
+const KIND: Kind = Kind { magic: b"RADIOSA\0", version: 2, name: "radiosity solution" };
 /// What an element takes in memory, with its columns.
 pub const BYTES_AN_ELEMENT: u64 = 600;
 /// Bytes for [`open`] alone: a recipe is small, and a file that is not is none of ours.
 pub const HEAD: u64 = 64 << 20;
-/// Bytes of a text at most.
-const MAX_TEXT: u64 = 1 << 20;
 
 /// An error when the ending of `path` is another one, or no file can be put there.
 ///
@@ -64,12 +59,7 @@ pub struct State<'a> {
 /// # Errors
 /// When the file cannot be written.
 pub fn write(path: &Path, recipe: &Recipe, world: &World, settings: &Settings, state: State) -> Result<(), ExportError> {
-    write_atomically(path, |file| {
-        io::Write::write_all(file, MAGIC)?;
-        io::Write::write_all(file, &VERSION.to_le_bytes())?;
-        let mut encoder = zstd::stream::write::Encoder::new(file, LEVEL)?;
-        encoder.include_checksum(true)?;
-        let mut out = Out(&mut encoder);
+    container::write(path, &KIND, |out| {
         out.number(recipe.entries().len() as u64)?;
         for (key, text) in recipe.entries() {
             out.array(key.as_bytes())?;
@@ -77,12 +67,9 @@ pub fn write(path: &Path, recipe: &Recipe, world: &World, settings: &Settings, s
         }
         out.array(&fingerprint(world.scene()).to_le_bytes())?;
         out.array(described(settings, world).as_bytes())?;
-        state.solution.store(&mut out)?;
+        state.solution.store(out)?;
         out.number(u64::from(state.progress.is_some()))?;
-        if let Some(progress) = state.progress {
-            progress.store(&mut out)?;
-        }
-        encoder.finish().map(drop)
+        state.progress.map_or(Ok(()), |progress| progress.store(out))
     })
 }
 
@@ -107,29 +94,17 @@ impl std::fmt::Debug for Saved {
 /// # Errors
 /// When it cannot be read, is no such file, or of another version.
 pub fn open(path: &Path, max_memory: u64) -> Result<Saved, ExportError> {
-    let io = |source| ExportError::Read { path: path.to_path_buf(), source };
-    let mut file = BufReader::new(File::open(path).map_err(io)?);
-    let mut head = [0u8; 12];
-    let is_ours = file.read_exact(&mut head).is_ok() && head[..8] == *MAGIC;
-    if !is_ours {
-        return Err(unreadable(path, "it is no radiosity solution"));
-    }
-    let version = u32::from_le_bytes([head[8], head[9], head[10], head[11]]);
-    if version != VERSION {
-        return Err(unreadable(path, &format!("it is of version {version}, this program reads version {VERSION}")));
-    }
-    let body = zstd::stream::read::Decoder::with_buffer(file).map_err(io)?;
-    let mut body: Box<dyn Read> = Box::new(BufReader::new(Limited { body, left: max_memory }));
+    let mut body = container::open(path, &KIND, max_memory)?;
     let mut start = || -> io::Result<(Recipe, u128, String)> {
         let mut input = In(&mut body);
         let mut recipe = Recipe::new();
         for _ in 0..input.number()?.min(1000) {
-            let key = text(&mut input)?;
-            recipe.set(&key, text(&mut input)?);
+            let key = container::text(&mut input)?;
+            recipe.set(&key, container::text(&mut input)?);
         }
         let scene: Vec<u8> = input.array(16)?;
         let scene = scene.try_into().map(u128::from_le_bytes).unwrap_or_default();
-        Ok((recipe, scene, text(&mut input)?))
+        Ok((recipe, scene, container::text(&mut input)?))
     };
     let (recipe, scene, settings) = start().map_err(|e| damaged(path, &e))?;
     Ok(Saved { path: path.to_path_buf(), recipe, scene, settings, body, max_memory })
@@ -193,41 +168,6 @@ impl Saved {
     fn solution(&mut self, world: &World) -> Result<Solution, ExportError> {
         Solution::restore(world, self.max_memory / BYTES_AN_ELEMENT, &mut In(&mut self.body)).map_err(|e| damaged(&self.path, &e))
     }
-}
-
-/// A stream that fails, rather than ends, when there is more than was allowed.
-struct Limited<R> {
-    body: R,
-    left: u64,
-}
-
-impl<R: Read> Read for Limited<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let n = self.body.read(buffer)?;
-        self.left = self
-            .left
-            .checked_sub(n as u64)
-            .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidData, "it holds more than --max-memory allows"))?;
-        Ok(n)
-    }
-}
-
-fn unreadable(path: &Path, why: &str) -> ExportError {
-    ExportError::Unreadable { path: path.to_path_buf(), message: why.to_owned() }
-}
-
-fn damaged(path: &Path, error: &io::Error) -> ExportError {
-    let message = match error.kind() {
-        io::ErrorKind::UnexpectedEof => "it ends too early".to_owned(),
-        io::ErrorKind::InvalidData => error.to_string(),
-        _ => format!("it is damaged: {error}"),
-    };
-    unreadable(path, &message)
-}
-
-fn text(input: &mut In) -> io::Result<String> {
-    let bytes = input.bytes(MAX_TEXT)?;
-    String::from_utf8(bytes).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))
 }
 
 /// Everything that decides about the result, but for when to stop.

@@ -40,13 +40,15 @@ pub enum Layer {
     Depth,
     /// Variance of the colour's mean, per channel.
     Variance,
+    /// How many samples the pixel is the mean of: `samples.N`.
+    Samples,
     /// Which object: `object.id`, 0 for none.
     ObjectId,
 }
 
 impl Layer {
     /// All of them, in the order files list them.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::Color,
         Self::Alpha,
         Self::Ambient,
@@ -63,6 +65,7 @@ impl Layer {
         Self::Position,
         Self::Depth,
         Self::Variance,
+        Self::Samples,
         Self::ObjectId,
     ];
 
@@ -85,6 +88,7 @@ impl Layer {
             Self::Position => "position",
             Self::Depth => "depth",
             Self::Variance => "variance",
+            Self::Samples => "samples",
             Self::ObjectId => "object",
         }
     }
@@ -108,6 +112,7 @@ impl Layer {
             Self::Position => &["position.X", "position.Y", "position.Z"],
             Self::Depth => &["depth.Z"],
             Self::Variance => &["variance.R", "variance.G", "variance.B"],
+            Self::Samples => &["samples.N"],
             Self::ObjectId => &["object.id"],
         }
     }

@@ -201,6 +201,25 @@ impl Film {
         }
     }
 
+    /// Fills every channel: `value` is given the layer, which of its channels, and the pixel (x, y); `object` the pixel. In parallel.
+    pub(crate) fn compose(
+        &mut self,
+        value: impl Fn(Layer, usize, [u32; 2]) -> f32 + Sync,
+        object: impl Fn([u32; 2]) -> Option<u32> + Sync,
+    ) {
+        let width = self.width as usize;
+        for layer in self.layers() {
+            let planes = self.planes.iter_mut().filter(|plane| plane.layer == layer).enumerate();
+            let rows = planes.flat_map(|(c, plane)| plane.values.chunks_mut(width).enumerate().map(move |(y, row)| (c, y, row)));
+            rows.collect::<Vec<_>>().into_par_iter().for_each(|(c, y, row)| {
+                row.iter_mut().enumerate().for_each(|(x, v)| *v = value(layer, c, [x as u32, y as u32]));
+            });
+        }
+        for (i, id) in self.object_ids.iter_mut().flatten().enumerate() {
+            *id = object([(i % width) as u32, (i / width) as u32]).map_or(0, |id| id.saturating_add(1));
+        }
+    }
+
     /// A black film of the same layers and another size, for a part of the picture.
     pub(crate) fn part(&self, width: u32, height: u32) -> Self {
         let n = width as usize * height as usize;

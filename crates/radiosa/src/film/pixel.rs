@@ -40,6 +40,8 @@ pub struct Pixel {
     pub depth: f32,
     /// Variance of the mean colour, per channel; filled by [`Accumulator::finish`], zero in a sample.
     pub variance: Spectrum,
+    /// Samples it is the mean of.
+    pub samples: f32,
     /// Index of the first object met.
     pub object: Option<u32>,
 }
@@ -63,6 +65,7 @@ impl Default for Pixel {
             position: Vec3::ZERO,
             depth: f32::INFINITY,
             variance: Spectrum::BLACK,
+            samples: 1.0,
             object: None,
         }
     }
@@ -88,6 +91,7 @@ impl Pixel {
             Layer::Position => self.position.to_array(),
             Layer::Depth => [self.depth, 0.0, 0.0],
             Layer::Variance => self.variance.to_array(),
+            Layer::Samples => [self.samples, 0.0, 0.0],
             Layer::ObjectId => [0.0; 3],
         }
     }
@@ -242,6 +246,7 @@ impl Accumulator {
         };
         let mut pixel = Pixel::from_means(&means);
         pixel.variance = if self.n > 1 { Spectrum::new(variance(0), variance(1), variance(2)) } else { Spectrum::gray(0.0) };
+        pixel.samples = self.n as f32;
         pixel.position = self.nearest.position;
         pixel.depth = self.nearest.depth;
         pixel.object = self.nearest.object;
@@ -278,6 +283,7 @@ mod tests {
             position: Vec3::new(15.0, 16.0, 17.0),
             depth: 18.0,
             variance: Spectrum::BLACK,
+            samples: 1.0,
             object: Some(19),
         }
     }

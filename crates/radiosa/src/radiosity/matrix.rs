@@ -5,7 +5,7 @@ use std::io;
 use super::form_factor::Row;
 use super::medium::{Medium, Passing};
 use super::mesh::ElementMesh;
-use super::stream::{In, Out, wrong};
+use crate::stream::{In, Out, wrong};
 
 /// Form factors above zero, by rows.
 #[derive(Clone, Debug, Default, PartialEq)]

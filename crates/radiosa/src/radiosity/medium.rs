@@ -10,8 +10,8 @@
 
 use std::io;
 
-use super::stream::{In, Out, wrong};
 use crate::math::function::exp_f64;
+use crate::stream::{In, Out, wrong};
 
 /// A medium by what it absorbs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

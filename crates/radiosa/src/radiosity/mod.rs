@@ -38,7 +38,6 @@ mod sides;
 pub mod solution;
 pub mod solve;
 mod store;
-pub mod stream;
 pub mod system;
 mod tessellate;
 

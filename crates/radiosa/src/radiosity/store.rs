@@ -12,9 +12,9 @@ use super::mesh::{self, ElementMesh, Sides};
 use super::solution::{Division, Progress, Settings, Solution};
 use super::solve::gathering::Sweep;
 use super::solve::{History, Record};
-use super::stream::{In, Out, wrong};
 use super::system::{Balance, Sums, System};
 use crate::math::DVec3;
+use crate::stream::{In, Out, wrong};
 use crate::transport::World;
 
 /// A way of dividing surfaces: changes whenever the same settings give other elements.

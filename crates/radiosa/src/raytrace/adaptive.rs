@@ -220,6 +220,7 @@ impl Lattice {
     fn finish(&self) -> Pixel {
         let weighed = || self.samples.iter().enumerate().filter_map(|(k, s)| s.as_ref().map(|s| (k, s)));
         let mut pixel = Pixel::blend(weighed().map(|(_, (sample, weight))| (sample, *weight)));
+        pixel.samples = weighed().count() as f32;
         let middle = (self.side - 1) as i64;
         let distance = |k: usize| {
             let (i, j) = (2 * (k % self.side) as i64 - middle, 2 * (k / self.side) as i64 - middle);

@@ -253,11 +253,11 @@ fn a_solve_in_a_medium_goes_on_after_an_interruption() {
             }
             // Through a file.
             let mut bytes = Vec::new();
-            let mut out = radiosa::radiosity::stream::Out(&mut bytes);
+            let mut out = radiosa::stream::Out(&mut bytes);
             first.solution().store(&mut out).expect("memory takes it");
             first.progress().store(&mut out).expect("memory takes it");
             let mut from = bytes.as_slice();
-            let mut from = radiosa::radiosity::stream::In(&mut from);
+            let mut from = radiosa::stream::In(&mut from);
             let solution = Solution::restore(&world, 1 << 20, &mut from).expect("it is whole");
             let progress = radiosity::Progress::restore(&division, &settings, &solution.system, &mut from).expect("it is whole");
             let mut second = Radiosity::resume(&world, &division, &settings, solution, Some(progress));

@@ -25,9 +25,9 @@ use self::links::{Decision, Link, Oracle, Work};
 use self::tree::Tree;
 use super::form_factor::Factors;
 use super::mesh::ElementMesh;
-use super::stream::{In, Out, wrong};
 use super::system::{Sums, System, Unknowns};
 use crate::math::DVec3;
+use crate::stream::{In, Out, wrong};
 
 /// How exact, and with how many links.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -20,8 +20,8 @@ use super::super::form_factor::{Factors, Row};
 use super::super::matrix;
 use super::super::medium::Passing;
 use super::super::mesh::Blocks;
-use super::super::stream::{In, Out};
 use super::super::system::{Sums, System, Unknowns};
+use crate::stream::{In, Out};
 
 /// Who is next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

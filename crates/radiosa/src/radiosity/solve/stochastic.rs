@@ -23,11 +23,11 @@ use rayon::prelude::*;
 
 use super::super::medium::Medium;
 use super::super::mesh::{self, Element, ElementMesh, Lift};
-use super::super::stream::{In, Out};
 use super::super::system::{Sums, System, Unknowns};
 use super::pools::Pools;
 use crate::math::{DVec3, Frame, Ray, Vec2};
 use crate::sampling::{rng, sequence, warp};
+use crate::stream::{In, Out};
 use crate::transport::World;
 
 /// How to shoot rays.

@@ -144,6 +144,6 @@ impl Integrator for PathTracer {
     }
 
     fn branching(&self) -> u32 {
-        8
+        self.settings.branches.max(1).saturating_mul(2)
     }
 }

@@ -1,4 +1,4 @@
-//! Solutions as a stream of numbers: arrays behind their lengths, little-endian.
+//! Results as a stream of numbers, to be kept and gone on with: arrays behind their lengths, little-endian.
 //!
 //! Nothing is believed of what is read: an array grows as its values arrive, and who reads says how long it has to be.
 
@@ -89,6 +89,6 @@ impl In<'_> {
 }
 
 /// What was read cannot be.
-pub(super) fn wrong(why: &str) -> io::Error {
+pub(crate) fn wrong(why: &str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, why)
 }
