@@ -11,7 +11,7 @@ use crate::bench_whitted::{Cost, median};
 
 /// Options of the hybrid: a quick picture, the default at four samples, and one that took its time.
 const OURS: [(&str, &[&str]); 3] = [
-    ("hybrid, quick", &["--spp", "1", "--samples", "4", "--elements", "500", "--cache", "0.25"]),
+    ("hybrid, quick", &["--spp", "1", "--samples", "4", "--elements", "500", "--cache", "0.3", "--rays", "128"]),
     ("hybrid", &["--spp", "4"]),
     ("hybrid, fine", &["--spp", "4", "--cache", "0.1", "--elements", "2000"]),
 ];
