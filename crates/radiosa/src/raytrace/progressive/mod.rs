@@ -30,8 +30,10 @@ const FIRST: u64 = 1 << 15;
 const A_STEP: u64 = 1 << 16;
 /// Samples of a block in a step, a pixel: a step is shared by threads in blocks.
 const AT_ONCE: u32 = 16;
-/// Samples every pixel has before blocks differ.
-const EVEN: u32 = 4;
+/// Samples every pixel has before blocks differ: at least and at most, powers of two, and how many there are for an error. An edge that none of n samples has met, as may be in all
+/// pixels along it, is an error of up to 1/n in those pixels.
+const EVEN: [u32; 2] = [4, 32];
+const EVEN_FOR_NOISE: f64 = 0.4;
 /// The film is composed again after this part of new samples.
 const REFRESH: f64 = 1.0 / 16.0;
 
@@ -225,9 +227,12 @@ impl<'a, I: Integrator> ProgressiveRender<'a, I> {
         let error = Error::of(&self.blocks);
         self.noise = error.noise(&self.blocks);
         let (n, most) = (self.samples_a_pixel()[0], self.settings.sampling.spp.clamp(1, MAX_SAMPLES));
-        let is_good = self.settings.noise.is_some_and(|wanted| n >= EVEN && self.noise.is_some_and(|noise| noise <= wanted));
+        let even =
+            self.settings.noise.map(|wanted| ((EVEN_FOR_NOISE / wanted) as u32).clamp(EVEN[0], EVEN[1]).next_power_of_two());
+        let may_differ = even.is_some_and(|even| n >= even);
+        let is_good = may_differ && self.settings.noise.zip(self.noise).is_some_and(|(wanted, noise)| noise <= wanted);
         self.is_done = is_good
-            || if self.settings.noise.is_some() && n >= EVEN {
+            || if may_differ {
                 !error.ask(&mut self.blocks, self.film.width(), most)
             } else {
                 self.blocks.iter_mut().for_each(|b| b.target = (n + 1).min(most));
