@@ -4,7 +4,7 @@ mod common;
 
 use common::{FURNACE, below, scene_of, world_of};
 use radiosa::film::{Decomposition, Film, Filter, Layer, Sampling};
-use radiosa::hybrid::{Filling, FinalGather, Hybrid, REACH, Settings};
+use radiosa::hybrid::{Filling, FinalGather, Hybrid, Settings};
 use radiosa::math::Vec3;
 use radiosa::radiosity::{self, Solution};
 use radiosa::raytrace::{tiles::TiledRender, whitted};
@@ -19,7 +19,7 @@ fn solved(world: &World, elements: u32) -> Solution {
 }
 
 fn settings(rays: u32, cache: f32) -> Settings {
-    Settings { whitted: whitted::Settings { samples: 4, ..whitted::Settings::default() }, rays, cache, reach: REACH, seed: 0 }
+    Settings { whitted: whitted::Settings { samples: 4, ..whitted::Settings::default() }, rays, cache, seed: 0 }
 }
 
 const SIZE: u32 = 48;
@@ -138,16 +138,16 @@ fn a_cache_shows_what_gathers_at_every_sample_show() {
     let world = world_of(radiosa::import::sample::load("cornell-box").expect("it is built in"));
     let solution = solved(&world, 600);
     // Of the indirect light alone: direct light is the same in both.
-    let indirect = |rays, cache, reach| -> Vec<f32> {
-        let film = picture(&world, &solution, &Settings { reach, ..settings(rays, cache) }, &[Layer::Color, Layer::Indirect]);
+    let indirect = |rays, cache| -> Vec<f32> {
+        let film = picture(&world, &solution, &settings(rays, cache), &[Layer::Color, Layer::Indirect]);
         film.planes().iter().filter(|p| p.layer == Layer::Indirect).flat_map(|p| p.values.iter().copied()).collect()
     };
-    let truth = indirect(256, 0.0, REACH);
+    let truth = indirect(256, 0.0);
     let off = |values: &[f32]| {
         let sum: f32 = values.iter().zip(&truth).map(|(v, t)| (v - t).abs()).sum();
         sum / truth.iter().sum::<f32>()
     };
-    let (fine, coarse) = (off(&indirect(1024, 0.15, REACH)), off(&indirect(1024, 1.0, 1.0)));
+    let (fine, coarse) = (off(&indirect(1024, 0.15)), off(&indirect(1024, 1.0)));
     println!("fine {fine}, coarse {coarse}");
     assert!(fine < 0.04, "{fine}");
     // The twin interpolates too far.

@@ -567,7 +567,7 @@ fn hybrid_settings(stage: &Stage, picture: &Picture, lighting: &Lighting) -> hyb
     let mut whitted = whitted_settings(stage, picture, &lighting.extra_lights);
     whitted.samples = picture.samples.unwrap_or(4);
     whitted.lights.environment_shadows = EnvironmentShadows::On;
-    hybrid::Settings { whitted, rays: picture.gather, cache: picture.cache, reach: hybrid::REACH, seed: picture.seed }
+    hybrid::Settings { whitted, rays: picture.gather, cache: picture.cache, seed: picture.seed }
 }
 
 fn scanline_settings(picture: &Picture, extra_lights: &[Light]) -> scanline::Settings {

@@ -66,12 +66,14 @@ impl Cache {
     }
 
     /// Keeps what was gathered at a place. It reaches at least and at most so far, and not much farther than light varies.
+    /// (Zero: where it is not known how wide a pixel is, nothing limits it.)
     pub(super) fn insert(&mut self, p: Vec3, n: Vec3, mut gathered: Gathered, [least, most]: [f32; 2]) {
+        let most = if most > 0.0 { most / self.accuracy } else { f32::INFINITY };
         let e = gathered.irradiance.luminance();
         let along = |axis: usize| Spectrum::from(gathered.translation.map(|g| g[axis])).luminance();
         let slope = Vec3::new(along(0), along(1), along(2)).length();
         let steep = if slope > 0.0 { e / slope } else { f32::INFINITY };
-        let radius = gathered.distance.min(steep).min(most / self.accuracy).max(least / self.accuracy).min(2.0 * self.half);
+        let radius = gathered.distance.min(steep).min(most).max(least / self.accuracy).min(2.0 * self.half);
         if radius > steep {
             // Over its whole reach it may not change by more than itself.
             gathered.translation = gathered.translation.map(|g| g * (steep / radius));

@@ -25,6 +25,8 @@ const NOISE: f32 = 0.15;
 const MORE: u32 = 2;
 /// Records reach this many pixels at least.
 const LEAST: f32 = 1.5;
+/// And this part of the picture's longer side at most: where light changes little, many records with few rays each are as quiet as few with many, and bend less.
+const MOST: f32 = 1.0 / 40.0;
 
 /// Fills the cache of a hybrid for a view: a step is a quarter of a lattice.
 #[derive(Debug)]
@@ -84,7 +86,7 @@ impl<'a> Solver for Filling<'a, '_> {
         };
         let found: Vec<_> = pixels.par_iter().map(asked).collect();
         self.n_rays += found.iter().map(|(_, n)| n).sum::<u64>();
-        let most = (self.hybrid.settings.reach * self.size.0.max(self.size.1) as f32).max(LEAST);
+        let most = (MOST * self.size.0.max(self.size.1) as f32).max(LEAST);
         let wanted: Vec<Wanted> = found.into_iter().flat_map(|(wanted, _)| wanted).collect();
         for some in wanted.chunks(AT_ONCE) {
             let hybrid = &*self.hybrid;

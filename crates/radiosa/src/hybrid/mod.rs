@@ -37,8 +37,6 @@ pub struct Settings {
     pub rays: u32,
     /// How far gathers are interpolated: the error allowed to the irradiance cache, about; 0 gathers anew at every camera sample.
     pub cache: f32,
-    /// The part of the picture's longer side that a gather keeps others away at most: [`REACH`].
-    pub reach: f32,
     /// Of random numbers.
     pub seed: u64,
 }
@@ -68,8 +66,6 @@ impl<'a> Hybrid<'a> {
     }
 }
 
-/// Where light changes little, many gathers of few rays are as quiet as few of many, and bend less.
-pub const REACH: f32 = 1.0 / 40.0;
 /// Gathers where the cache knows nothing: of those made anew for one place, at most this many rays.
 const UNCACHED_RAYS: u32 = 64;
 /// The same behind reflections, where many rays ask.
