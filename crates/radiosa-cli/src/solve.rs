@@ -12,6 +12,7 @@ use radiosa::radiosity::hierarchical::Hierarchical;
 use radiosa::radiosity::medium::Medium;
 use radiosa::radiosity::mesh::{self, ElementMesh};
 use radiosa::radiosity::patch::Patch;
+use radiosa::radiosity::system::Balance;
 use radiosa::radiosity::{self, Division, Progress, Settings, Solution, refine, solve};
 use radiosa::scene::Light;
 use radiosa::transport::{Solver as _, Step, World, default_light};
@@ -464,10 +465,7 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
             "error": last.and_then(|r| r.error),
             "pairs": last.map(|r| r.n_pairs),
             "rays": last.map(|r| r.n_rays),
-            "balance": {
-                "emitted": balance.emitted, "absorbed": balance.absorbed, "in_medium": balance.in_medium, "escaped": balance.escaped, "unshot": balance.unshot,
-                "error": balance.error(),
-            },
+            "balance": balance_json(balance),
             "history": history(solution),
             "surfaces": surfaces(&world, solution),
             "seconds": {
@@ -484,6 +482,14 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
     Ok(if interrupt::asked() { ExitCode::from(130) } else { ExitCode::SUCCESS })
 }
 
+/// Where the power is, by channel.
+fn balance_json(balance: &Balance) -> serde_json::Value {
+    json!({
+        "emitted": balance.emitted, "absorbed": balance.absorbed, "in_medium": balance.in_medium, "escaped": balance.escaped, "unshot": balance.unshot,
+        "error": balance.error(),
+    })
+}
+
 /// Steps, some of them where there are many.
 fn history(solution: &Solution) -> Vec<serde_json::Value> {
     const LISTED: usize = 500;
@@ -491,14 +497,12 @@ fn history(solution: &Solution) -> Vec<serde_json::Value> {
     let every = records.len().div_ceil(LISTED).max(1);
     let of = |(k, r): (usize, &solve::Record)| {
         let is_listed = k % every == 0 || k + 1 == records.len();
-        let balance = json!({
-            "emitted": r.balance.emitted, "absorbed": r.balance.absorbed, "in_medium": r.balance.in_medium, "escaped": r.balance.escaped, "unshot": r.balance.unshot,
-        });
-        let step = json!({
-            "step": r.step, "residual": r.residual, "change": r.change, "error": r.error, "pairs": r.n_pairs, "exchanges": r.n_exchanges, "rays": r.n_rays,
-            "balance": balance,
-        });
-        is_listed.then_some(step)
+        is_listed.then(|| {
+            json!({
+                "step": r.step, "residual": r.residual, "change": r.change, "error": r.error, "pairs": r.n_pairs, "exchanges": r.n_exchanges, "rays": r.n_rays,
+                "balance": balance_json(&r.balance),
+            })
+        })
     };
     records.iter().enumerate().filter_map(of).collect()
 }

@@ -139,7 +139,7 @@ impl Saved {
     ) -> Result<(Division, Solution, Option<Progress>), ExportError> {
         self.check_scene(world)?;
         if self.settings != described(settings, world) {
-            let why = "it was solved with other settings or kernels (--cpu-path): only --residual, --unshot, --error, --time may differ to go on";
+            let why = "it was solved with other settings or kernels (--cpu-path): only --residual, --change, --unshot, --error, --steps, --time may differ to go on";
             return Err(unreadable(&self.path, why));
         }
         let solution = self.solution(world)?;

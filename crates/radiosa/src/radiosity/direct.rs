@@ -4,6 +4,7 @@
 //! they do at the edge of a shadow, and where rays from lamps land between them.
 
 use std::f32::consts::PI;
+use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
@@ -38,8 +39,8 @@ pub struct DirectLight<'a> {
     has_lights: bool,
     /// Radiance from above and below, with the axis, of each hemispherical light.
     hemispheres: Vec<(Vec3, Spectrum, Spectrum)>,
-    /// Of an environment map.
-    sky: Option<SkySampler>,
+    /// Of an environment map, made when first asked: many who look at lamps or along rays never do.
+    sky: OnceLock<Option<SkySampler>>,
     /// Where lamps are, or where their light comes from.
     apexes: Vec<Apex>,
     medium: Medium,
@@ -68,7 +69,7 @@ impl<'a> DirectLight<'a> {
             apexes: apexes.collect(),
             has_lights: all().any(|l| !matches!(l.kind, LightKind::Hemispherical { .. } | LightKind::Ambient)),
             hemispheres: hemispheres.collect(),
-            sky: world.sky().and_then(SkySampler::new),
+            sky: OnceLock::new(),
             lights: Lights::prepare_without_skies(world, &settings, extra),
             medium: Medium::default(),
             seed,
@@ -232,7 +233,7 @@ impl<'a> DirectLight<'a> {
             let u = sequence::point_2d(k, key ^ 0x0073_6B79);
             Frame::from_normal(n).to_world(warp::cosine_hemisphere(u))
         };
-        let (dir, weight) = match &self.sky {
+        let (dir, weight) = match self.sky.get_or_init(|| self.world.sky().and_then(SkySampler::new)) {
             None => (by_cosine(k), PI),
             Some(sky) => {
                 let of_map = || sky.sample(sequence::point_2d(k / 2, key ^ 0x006D_6170));

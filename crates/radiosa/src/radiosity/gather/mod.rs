@@ -162,6 +162,14 @@ impl<'a> Gather<'a> {
         }
     }
 
+    /// What a point could see of emitting elements, with what they emit alone.
+    fn collect_emitting(&self, p: DVec3, normal: DVec3, emitting: &[u32], scratch: &mut Scratch) {
+        scratch.pieces.clear();
+        for &j in emitting {
+            self.whole(p, normal, j as usize, self.solution.system.emission[j as usize], scratch);
+        }
+    }
+
     /// Adds an element of radiosity `b` as one piece, where it faces the point: its unoccluded form factor.
     fn whole(&self, p: DVec3, normal: DVec3, j: usize, b: [f64; 3], scratch: &mut Scratch) -> Option<f64> {
         let element = &self.solution.mesh.elements()[j];

@@ -148,10 +148,7 @@ impl Gather<'_> {
         scratch: &mut Scratch,
     ) -> Spectrum {
         let (n, start) = (element.normal, element.lift().in_front(element.at(at)));
-        scratch.pieces.clear();
-        for &j in emitting {
-            self.whole(start.as_dvec3(), n, j as usize, self.solution.system.emission[j as usize], scratch);
-        }
+        self.collect_emitting(start.as_dvec3(), n, emitting, scratch);
         self.look(start, n, rays, key_of(self.seed, i, at), scratch);
         let lamps = || self.direct.of_lamps(&self.solution.mesh.surface(self.world, element, at), n.as_vec3());
         scratch.arriving() + if self.direct.has_lamps() { lamps() } else { Spectrum::BLACK }

@@ -93,10 +93,7 @@ impl Gather<'_> {
         let key = rng::key(&[self.seed, place[0], place[1], place[2], 0x7368_6164]);
         let (p, n) = (corner.lerp(element.centre(), INSET), element.normal);
         let start = element.lift().in_front(p);
-        scratch.pieces.clear();
-        for &j in emitting {
-            self.whole(start.as_dvec3(), n, j as usize, self.solution.system.emission[j as usize], scratch);
-        }
+        self.collect_emitting(start.as_dvec3(), n, emitting, scratch);
         for rays in RAYS {
             self.look(start, n, rays, key, scratch);
             if scratch.pieces.iter().all(|piece| piece.seen <= 0.0) || scratch.pieces.iter().all(|piece| piece.seen >= 1.0) {
