@@ -227,6 +227,13 @@ fn solved(
         ));
     }
     drop(coincident);
+    if let n @ 1.. = division.mesh().n_coarser() {
+        let most = radiosa::radiosity::mesh::MAX_CELLS;
+        warnings.push((
+            "element-size",
+            format!("{n} surfaces have elements longer than --element-size: an edge has {most} of them at most; divide larger surfaces in the scene"),
+        ));
+    }
     if let n @ 1.. = division.mesh().record().shadows.n_left_out {
         let taken = division.mesh().record().shadows.lines.len();
         warnings.push((

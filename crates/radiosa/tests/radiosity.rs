@@ -6,7 +6,7 @@ use common::scene_of;
 use radiosa::math::{CpuPath, DAffine3, DVec3, Ray, Vec3};
 use radiosa::radiosity::form_factor::analytic;
 use radiosa::radiosity::solve::{Solver as Method, shooting, stochastic};
-use radiosa::radiosity::{self, gather, mesh};
+use radiosa::radiosity::{self, gather, hierarchical, mesh};
 use radiosa::scene::{
     AlphaMode, Geometry, Instance, Light, LightKind, Material, MaterialId, Mesh, MeshId, PhotometricUnit, Polygons, Scene,
 };
@@ -338,8 +338,13 @@ fn pane(coverage: f32, reflectance: f32, emission: f32) -> Material {
 /// Balances by every kind of solver: absorbed and escaped by what is emitted.
 fn balances(scene: &Scene) -> Vec<(radiosity::Solution, [f64; 2])> {
     let world = World::prepare(scene.clone(), CpuPath::detect()).expect("it is valid");
-    let rays = stochastic::Settings { rays: 100_000, rounds: 4 };
-    let methods = [Method::GaussSeidel, Method::Shooting(shooting::Settings::default()), Method::Stochastic(rays)];
+    let rays = stochastic::Settings { rays: 100_000, rounds: 4, ..stochastic::Settings::default() };
+    let methods = [
+        Method::GaussSeidel,
+        Method::Shooting(shooting::Settings::default()),
+        Method::Stochastic(rays),
+        Method::Hierarchical(hierarchical::Settings::default()),
+    ];
     let of = |solver| {
         let mesh = mesh::Settings { size: Some(0.26), ..Default::default() };
         let solution = radiosity::solve(&world, &radiosity::Settings { mesh, solver, ..Default::default() });
@@ -387,7 +392,7 @@ fn a_sheet_in_the_plane_of_a_floor_or_just_above_changes_nothing() {
         let (power, area) = walls.fold((0.0, 0.0), |(p, a), (e, h)| (p + e.area * h[0], a + e.area));
         (escaped, power / area, solution.mesh.coincident().len())
     };
-    let rays = stochastic::Settings { rays: 200_000, rounds: 4 };
+    let rays = stochastic::Settings { rays: 200_000, rounds: 4, ..stochastic::Settings::default() };
     for solver in [Method::GaussSeidel, Method::Shooting(shooting::Settings::default()), Method::Stochastic(rays)] {
         let (_, truth, none) = of(None, solver);
         assert_eq!(none, 0);
@@ -469,4 +474,44 @@ fn twin(solution: &radiosity::Solution, escaped: f64, least: f64) {
     let balance = system.balance(sums, irradiance, radiosity, unshot);
     let off = (balance.escaped[0] / balance.emitted[0] - escaped).abs();
     assert!(off > least, "the twin is off by {off}");
+}
+
+/// Standard error, rays and mean irradiance of a closed white room with a lamp, by rays.
+fn by_rays(world: &World, has_control: bool) -> (f64, f64, radiosity::Solution) {
+    let rays = stochastic::Settings { rays: 1 << 16, rounds: 16, has_control };
+    let mut settings = radiosity::Settings { solver: Method::Stochastic(rays), ..Default::default() };
+    (settings.mesh.elements, settings.stop.error) = (1000, 1.0);
+    let solution = radiosity::solve(world, &settings);
+    let area = &solution.system.area;
+    let all: f64 = solution.irradiance_error.iter().zip(area).map(|(e, a)| a * e[0].powi(2)).sum();
+    let (error, n) = ((all / area.iter().sum::<f64>()).sqrt(), solution.history.records.last().expect("a step").n_rays);
+    (error, n as f64, solution)
+}
+
+#[test]
+fn a_constant_taken_from_all_radiosities_saves_rays_in_bright_rooms() {
+    let mut scene = room_with_a_box(0.9, 0.0);
+    let y = 1.9;
+    scene.materials.push(furnace(0.0, 1.0));
+    let lamp = [[0.3, y, 0.3], [0.7, y, 0.3], [0.7, y, 0.7], [0.3, y, 0.7]].map(DVec3::from_array).to_vec();
+    let material = scene.materials.len() as u32 - 1;
+    add_quads(&mut scene, lamp, &[([0, 1, 2, 3], material)]);
+    let world = World::prepare(scene, CpuPath::detect()).expect("it is valid");
+    let (error, rays, with) = by_rays(&world, true);
+    let (plain_error, plain_rays, without) = by_rays(&world, false);
+    // Costs that the same error would have.
+    let gain = plain_rays * plain_error.powi(2) / (rays * error.powi(2));
+    println!("standard error {error:.4} with {rays} rays, {plain_error:.4} with {plain_rays} without: {gain:.1} times as many");
+    assert!(gain > 2.0, "{gain}");
+    // Both are right, by Gauss–Seidel over the same elements.
+    let mut settings = radiosity::Settings { solver: Method::GaussSeidel, ..Default::default() };
+    settings.mesh.elements = 1000;
+    let truth = radiosity::solve(&world, &settings);
+    for (solution, error) in [(with, error), (without, plain_error)] {
+        let off: f64 =
+            (0..truth.system.n()).map(|i| truth.system.area[i] * (solution.irradiance[i][0] - truth.irradiance[i][0])).sum();
+        let off = off / truth.system.area.iter().sum::<f64>();
+        assert!(off.abs() < 2.0 * error, "{off} off in the mean, standard error of one {error}");
+        assert!(solution.balance.error() < 1e-3, "{:?}", solution.balance);
+    }
 }

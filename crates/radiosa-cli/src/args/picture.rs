@@ -131,6 +131,10 @@ pub(crate) struct Picture {
     #[arg(long, value_enum, default_value_t = Show::Radiance, help_heading = "Radiosity")]
     pub(crate) show: Show,
 
+    /// Spread what an unfinished solution has not sent out yet evenly over all surfaces, in the picture only (the ambient term of progressive refinement)
+    #[arg(long, help_heading = "Radiosity")]
+    pub(crate) ambient_term: bool,
+
     /// Lines drawn over the picture, in .png files (several separated by commas)
     #[arg(long, value_enum, value_name = "WHAT", value_delimiter = ',', help_heading = "Radiosity")]
     pub(crate) overlay: Vec<Overlay>,

@@ -163,7 +163,7 @@ fn methods_of(option: &str) -> Option<&'static [Method]> {
         "emitters" => &[Raycast, Whitted, Scanline],
         "viewer" => &[Raycast, Whitted, Scanline, Hybrid],
         "gather" | "cache" => &[Hybrid],
-        "lamps" | "show" | "spread" => &[Radiosity],
+        "lamps" | "show" | "spread" | "ambient-term" => &[Radiosity],
         "solution" | "overlay" | "links-of" => &[Radiosity, Hybrid],
         _ if args::Radiosity::options().iter().any(|own| own == option) => &[Radiosity, Hybrid],
         _ => return None,
@@ -336,6 +336,7 @@ pub(crate) fn draw(
                     args::Show::Radiance => display::Shown::Radiance,
                     args::Show::Irradiance => display::Shown::Irradiance,
                 },
+                has_ambient: picture.ambient_term,
             };
             let display = Display::new(world, solution, &lighting.extra_lights, display, footprint(stage, picture))
                 .with_backdrop(default_light::has_backdrop(world, &lighting.extra_lights));

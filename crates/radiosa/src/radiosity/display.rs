@@ -14,6 +14,8 @@
 use std::borrow::Cow;
 use std::collections::HashMap;
 
+use rayon::prelude::*;
+
 use super::corners;
 use super::direct::DirectLight;
 use super::gather::shadows;
@@ -64,6 +66,8 @@ pub struct Settings {
     pub lamps: Lamps,
     /// What pictures hold.
     pub shown: Shown,
+    /// What an unfinished solution has not sent out yet is spread evenly over all surfaces ([`Solution::ambient`]).
+    pub has_ambient: bool,
 }
 
 /// What a picture of a solution holds.
@@ -100,9 +104,12 @@ impl<'a> Display<'a> {
         let lamps = DirectLight::new(world, extra_lights, 0).within(solution.system.medium);
         let of_lamps = &solution.system.lamps;
         let is_sharp = settings.lamps == Lamps::Sharp && lamps.has_lamps() && !of_lamps.is_empty();
-        let without = |(h, d): (&[f64; 3], &[f64; 3])| std::array::from_fn(|c| (h[c] - d[c]).max(0.0));
+        let ambient = if settings.has_ambient { solution.ambient() } else { [0.0; 3] };
+        let without = |(h, d): (&[f64; 3], &[f64; 3])| std::array::from_fn(|c| (h[c] - d[c]).max(0.0) + ambient[c]);
         let irradiance: Cow<[[f64; 3]]> = if is_sharp {
             solution.irradiance.iter().zip(of_lamps).map(without).collect()
+        } else if settings.has_ambient {
+            solution.irradiance.iter().map(|h| without((h, &[0.0; 3]))).collect()
         } else {
             Cow::Borrowed(&solution.irradiance)
         };
@@ -264,20 +271,46 @@ fn may_be_parted(mesh: &ElementMesh, [a, b]: [&Element; 2], [u, v]: [Spectrum; 2
         || (u - v).map(f32::abs).max_channel() > STEP * u.max_channel().max(v.max_channel())
 }
 
-/// Averages what meets in one place and belongs to one smooth surface.
-fn join(world: &World, mesh: &ElementMesh, corners: &mut [[Spectrum; 4]]) {
-    let elements = mesh.elements();
-    let bounds = world.accel().bounds();
-    let grain = f64::from(bounds.extent().max_element()).max(f64::MIN_POSITIVE) * 1e-5;
-    let scene = world.scene();
-    let smooth: Vec<bool> = scene
-        .instances
-        .iter()
-        .map(|i| matches!(i.geometry, Geometry::Mesh(id) if scene.meshes[id.index()].normals.is_some()))
-        .collect();
-    // Only corners on the border of a patch can meet others; inner ones have their value already.
-    let mut at: HashMap<[i64; 3], Vec<(u32, u8)>> = HashMap::new();
-    for (e, element) in elements.iter().enumerate() {
+/// Whether what meets at `at` is one smooth surface, of which nothing stands between.
+struct Together<'a> {
+    world: &'a World,
+    mesh: &'a ElementMesh,
+    /// By instance: it has vertex normals.
+    smooth: Vec<bool>,
+}
+
+impl<'a> Together<'a> {
+    fn new(world: &'a World, mesh: &'a ElementMesh) -> Self {
+        let scene = world.scene();
+        let has_normals = |g: &Geometry| matches!(g, Geometry::Mesh(id) if scene.meshes[id.index()].normals.is_some());
+        Self { world, mesh, smooth: scene.instances.iter().map(|i| has_normals(&i.geometry)).collect() }
+    }
+
+    /// The cosine of the angle up to which two elements are one surface.
+    fn least_cosine(&self, a: &Element, b: &Element) -> f64 {
+        let instance = |e: &Element| self.mesh.patches()[e.patch as usize].instance;
+        if self.smooth[instance(a).index()] && instance(a) == instance(b) { SMOOTH } else { COPLANAR }
+    }
+
+    /// For elements `a` and `b` with those values there.
+    fn are(&self, [a, b]: [&Element; 2], values: [Spectrum; 2], at: DVec3) -> bool {
+        b.exposed() > 0.0
+            && a.normal.dot(b.normal) > self.least_cosine(a, b)
+            && (!may_be_parted(self.mesh, [a, b], values) || corners::is_open(self.world, [a, b], at))
+    }
+}
+
+/// Corners that hang on others that hang on others.
+const MOST_TURNS: usize = 16;
+
+/// An element and which of its corners.
+type Corner = (u32, u8);
+
+/// The corners on borders of patches, and in patches with divided cells, by where they are. (Others have the same value as their neighbours already.)
+fn places(world: &World, mesh: &ElementMesh) -> Vec<Vec<Corner>> {
+    let grain = f64::from(world.accel().bounds().extent().max_element()).max(f64::MIN_POSITIVE) * 1e-5;
+    let mut at: HashMap<[i64; 3], Vec<Corner>> = HashMap::new();
+    for (e, element) in mesh.elements().iter().enumerate() {
         let inner = mesh.is_inner(element);
         for (k, corner) in element.corners().iter().enumerate() {
             if !inner {
@@ -286,34 +319,192 @@ fn join(world: &World, mesh: &ElementMesh, corners: &mut [[Spectrum; 4]]) {
             }
         }
     }
-    let mut places: Vec<_> = at.into_values().filter(|all| all.len() > 1).collect();
+    let mut places: Vec<_> = at.into_values().collect();
     places.sort_unstable();
-    for place in places {
+    places
+}
+
+fn set(mesh: &ElementMesh, corners: &mut [[Spectrum; 4]], (e, k): Corner, value: Spectrum) {
+    corners[e as usize][usize::from(k)] = value;
+    if k == 2 && mesh.elements()[e as usize].corners().len() == 3 {
+        corners[e as usize][3] = value;
+    }
+}
+
+/// Averages what meets in one place and belongs to one smooth surface, then lets corners in the middle of another element's edge have what is there.
+fn join(world: &World, mesh: &ElementMesh, corners: &mut [[Spectrum; 4]]) {
+    let (elements, together, places) = (mesh.elements(), Together::new(world, mesh), places(world, mesh));
+    for place in places.iter().filter(|place| place.len() > 1) {
         let old: Vec<Spectrum> = place.iter().map(|&(e, k)| corners[e as usize][usize::from(k)]).collect();
         for (own, &(e, k)) in place.iter().enumerate() {
             let a = &elements[e as usize];
-            let instance = mesh.patches()[a.patch as usize].instance;
             let (mut sum, mut n) = (Spectrum::BLACK, 0.0);
             for (other, &(f, _)) in place.iter().enumerate() {
-                let b = &elements[f as usize];
-                let together = other == own
-                    || b.exposed() > 0.0
-                        && {
-                            let same = mesh.patches()[b.patch as usize].instance == instance;
-                            a.normal.dot(b.normal) > if smooth[instance.index()] && same { SMOOTH } else { COPLANAR }
-                        }
-                        && (!may_be_parted(mesh, [a, b], [old[own], old[other]])
-                            || corners::is_open(world, [a, b], a.corners()[usize::from(k)]));
-                if together {
+                if other == own || together.are([a, &elements[f as usize]], [old[own], old[other]], a.corners()[usize::from(k)]) {
                     sum += old[other];
                     n += 1.0;
                 }
             }
-            let value = sum * (1.0 / n);
-            corners[e as usize][usize::from(k)] = value;
-            if k == 2 && a.corners().len() == 3 {
-                corners[e as usize][3] = value;
+            set(mesh, corners, (e, k), sum * (1.0 / n));
+        }
+    }
+    let mut hanging: Vec<(u32, Corner)> = places.par_iter().flat_map_iter(|place| hanging(&together, place)).collect();
+    // Of several edges that a corner is on the one of the largest element counts.
+    let area = |e: u32| elements[e as usize].whole_area;
+    hanging.sort_by(|(a, at), (b, other)| at.cmp(other).then(area(*b).total_cmp(&area(*a))).then(a.cmp(b)));
+    let place = |(e, k): Corner| elements[e as usize].corners()[usize::from(k)];
+    let there = |corners: &[[Spectrum; 4]], on: u32, corner: Corner| -> Spectrum {
+        corners[on as usize].iter().zip(elements[on as usize].weights(place(corner))).map(|(h, w)| *h * w).sum()
+    };
+    hanging.retain(|&(on, corner)| {
+        let values = [corners[corner.0 as usize][usize::from(corner.1)], there(corners, on, corner)];
+        let pair = [&elements[corner.0 as usize], &elements[on as usize]];
+        together.are(pair, values, beside(pair, usize::from(corner.1)))
+    });
+    hanging.dedup_by_key(|(_, corner)| *corner);
+    // Ends of such edges may hang on others in their turn.
+    for _ in 0..MOST_TURNS {
+        let mut has_changed = false;
+        for &(on, corner) in &hanging {
+            let (old, new) = (corners[corner.0 as usize][usize::from(corner.1)], there(corners, on, corner));
+            has_changed |= (old - new).map(f32::abs).max_channel() > 1e-5 * new.max_channel();
+            set(mesh, corners, corner, new);
+        }
+        if !has_changed {
+            break;
+        }
+    }
+}
+
+/// Where two elements meet close to a corner `k` of the first that lies on an edge of the second. (In the corner of a room itself its walls would be in the way.)
+fn beside([a, on]: [&Element; 2], k: usize) -> DVec3 {
+    const ALONG: f64 = 0.1;
+    let (c, edges) = (a.corners(), on.corners());
+    let off_edge = |p: DVec3, i: usize| {
+        let (start, along) = (edges[i], edges[(i + 1) % edges.len()] - edges[i]);
+        (p - start).cross(along).length() / along.length()
+    };
+    let is_on_edge = |p: &DVec3| (0..edges.len()).any(|i| off_edge(*p, i) < 1e-6 * on.whole_area.sqrt());
+    let along = |next: usize| c[k] + (c[next] - c[k]) * ALONG;
+    [(k + 1) % c.len(), (k + c.len() - 1) % c.len()].map(along).into_iter().find(is_on_edge).unwrap_or(c[k])
+}
+
+/// Of the corners in one place those in the middle of an element's edge, each with that element: Gouraud's values would jump along it.
+///
+/// Where elements close up around a place there is none. Elsewhere it is looked across both edges of each of them, close to the place.
+fn hanging(together: &Together, place: &[Corner]) -> Vec<(u32, Corner)> {
+    const ASIDE: f64 = 1e-2;
+    let (world, mesh) = (together.world, together.mesh);
+    let elements = mesh.elements();
+    let angle = |&(e, k): &Corner| {
+        let c = elements[e as usize].corners();
+        let (k, n) = (usize::from(k), c.len());
+        (c[(k + 1) % n] - c[k]).angle_between(c[(k + n - 1) % n] - c[k])
+    };
+    let mut found = Vec::new();
+    for &(e, k) in place {
+        let a = &elements[e as usize];
+        let around = place.iter().filter(|&&(f, _)| {
+            let b = &elements[f as usize];
+            f == e || a.normal.dot(b.normal) > together.least_cosine(a, b)
+        });
+        if around.map(angle).sum::<f64>() > 1.9 * std::f64::consts::PI {
+            continue;
+        }
+        let (c, k) = (a.corners(), usize::from(k));
+        for next in [(k + 1) % c.len(), (k + c.len() - 1) % c.len()] {
+            let along = c[next] - c[k];
+            let outwards = if next == (k + 1) % c.len() { along.cross(a.normal) } else { a.normal.cross(along) };
+            let p = c[k] + (along + outwards) * ASIDE;
+            let high = a.normal * (ASIDE * along.length());
+            let ray = Ray { origin: a.lift().in_front(p + high), dir: (high * -2.0).as_vec3(), t_max: 1.0 };
+            let Some((hit, surface)) = world.closest_visible(&ray) else { continue };
+            if let Some(on) = mesh.element_at(&hit, surface.p, ray.dir)
+                && place.iter().all(|&(f, _)| f != on)
+            {
+                found.extend(place.iter().map(|&corner| (on, corner)));
             }
         }
+    }
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{mesh, refine, solution};
+    use super::*;
+    use crate::math::CpuPath;
+
+    /// Edges where a smaller element ends: the difference between values on both sides relative to the mean of all, rising. Without those above which something may stand.
+    fn jumps(together: &Together, corners: &[[Spectrum; 4]]) -> Vec<f32> {
+        let (mesh, elements) = (together.mesh, together.mesh.elements());
+        let at = |e: usize, p: DVec3| -> Spectrum { corners[e].iter().zip(elements[e].weights(p)).map(|(h, w)| *h * w).sum() };
+        let mean = corners.iter().map(|c| c[0].g).sum::<f32>() / corners.len() as f32;
+        let mut jumps = Vec::new();
+        for (e, element) in elements.iter().enumerate().filter(|(_, e)| !mesh.is_at_contact(e)) {
+            let c = element.corners();
+            for (k, f) in mesh.neighbours(element).enumerate() {
+                let other = &elements[f];
+                if element.whole_area < 0.9 * other.whole_area && !mesh.is_at_contact(other) {
+                    let along = |share: f64| c[k] * (1.0 - share) + c[(k + 1) % c.len()] * share;
+                    let jump = |p| (at(e, p) - at(f, p)).map(f32::abs).max_channel() / mean;
+                    jumps.push([0.0, 0.3, 0.8, 1.0].map(along).map(jump).into_iter().fold(0.0, f32::max));
+                }
+            }
+        }
+        jumps.sort_unstable_by(f32::total_cmp);
+        jumps
+    }
+
+    #[test]
+    fn shading_does_not_jump_where_a_corner_lies_in_the_middle_of_an_edge() {
+        let scene = crate::import::sample::load("cornell-box").expect("it is built in");
+        let world = World::prepare(scene, CpuPath::detect()).expect("it is valid");
+        let settings = solution::Settings {
+            mesh: mesh::Settings { elements: 600, ..Default::default() },
+            refine: refine::Settings { levels: 2, threshold: 0.2, ..Default::default() },
+            ..Default::default()
+        };
+        let solution = solution::solve(&world, &settings);
+        let together = Together::new(&world, &solution.mesh);
+        let corners = corner_values(&world, &solution.mesh, &solution.irradiance);
+        let found = jumps(&together, &corners);
+        let at = |part: f64| found[(part * (found.len() - 1) as f64) as usize];
+        assert!(at(0.9) < 1e-4 && at(0.98) < 5e-3 && found.len() > 100, "jumps of {} and {}", at(0.9), at(0.98));
+        // The twin: every element's own extrapolation.
+        let mut apart = corners;
+        for (patch, grid) in solution.mesh.grids().iter().enumerate().filter(|(p, _)| solution.mesh.is_split(*p)) {
+            for first in grid.first.into_iter().flatten() {
+                let range = first as usize..first as usize + solution.mesh.n_on_side(patch);
+                corners::extrapolate(&world, &solution.mesh, range.start, &solution.irradiance, &mut apart[range]);
+            }
+        }
+        let of_twin = jumps(&together, &apart);
+        assert!(of_twin[of_twin.len() / 2] > 0.01, "the twin's are as small as {}", of_twin[of_twin.len() / 2]);
+    }
+
+    #[test]
+    fn what_is_unshot_may_be_shown_as_spread_over_all_surfaces() {
+        let scene = crate::import::sample::load("cornell-box").expect("it is built in");
+        let world = World::prepare(scene, CpuPath::detect()).expect("it is valid");
+        let mut settings = solution::Settings {
+            mesh: mesh::Settings { elements: 300, ..Default::default() },
+            solver: super::super::solve::Solver::Shooting(Default::default()),
+            ..Default::default()
+        };
+        let truth = solution::solve(&world, &settings);
+        settings.stop.steps = 2;
+        let early = solution::solve(&world, &settings);
+        let mean = |solution: &Solution, has_ambient| {
+            let shown = Settings { interpolation: Interpolation::Flat, has_ambient, ..Settings::default() };
+            let display = Display::new(&world, solution, &[], shown, Footprint::default());
+            display.corners.iter().map(|c| f64::from(c[0].g)).sum::<f64>() / display.corners.len() as f64
+        };
+        let (before, with, converged) = (mean(&early, false), mean(&early, true), mean(&truth, true));
+        assert!((converged / mean(&truth, false) - 1.0).abs() < 1e-5, "nothing is left to spread");
+        assert!((with - before - early.ambient()[1]).abs() < 1e-6, "{before} without, {with} with");
+        assert!((with - converged).abs() < (before - converged).abs(), "{before} without, {with} with, {converged} in the end");
     }
 }

@@ -141,15 +141,17 @@ impl Patches {
                 }
                 all.patches.push(patch);
             };
-            for (triangles, corners) in pairs(mesh, &materials, &position) {
-                taken[triangles[0] as usize] = true;
-                taken[triangles[1] as usize] = true;
-                add(triangles, &corners);
-            }
-            for (t, triangle) in mesh.triangles.iter().enumerate().filter(|&(t, _)| !taken[t]) {
-                let corners = triangle.map(position);
-                if area_vector(&corners).length() > 0.0 {
-                    add([t as u32; 2], &corners);
+            // In the order of their first triangles, as the file has them.
+            let mut pairs = pairs(mesh, &materials, &position).into_iter().peekable();
+            for (t, triangle) in mesh.triangles.iter().enumerate() {
+                if let Some((triangles, corners)) = pairs.next_if(|(of, _)| of[0].min(of[1]) as usize == t) {
+                    triangles.iter().for_each(|&t| taken[t as usize] = true);
+                    add(triangles, &corners);
+                } else if !taken[t] {
+                    let corners = triangle.map(position);
+                    if area_vector(&corners).length() > 0.0 {
+                        add([t as u32; 2], &corners);
+                    }
                 }
             }
         }

@@ -73,9 +73,14 @@ pub struct Solution {
 }
 
 impl Solution {
-    /// Radiosities with unshot light spread evenly over all surfaces, for pictures of solutions on their way: `B_i + ρ_i Amb` ([`System::ambient`]).
+    /// Irradiance of every surface by the light that has not been sent out yet, were it spread evenly ([`System::ambient`]).
+    pub fn ambient(&self) -> [f64; 3] {
+        self.system.ambient(&self.unshot)
+    }
+
+    /// Radiosities with that added, for pictures of solutions on their way: `B_i + ρ_i Amb`.
     pub fn with_ambient(&self) -> Vec<[f64; 3]> {
-        let ambient = self.system.ambient(&self.unshot);
+        let ambient = self.ambient();
         let shown = |(b, rho): (&[f64; 3], &[f64; 3])| std::array::from_fn(|c| b[c] + rho[c] * ambient[c]);
         self.radiosity.iter().zip(&self.system.reflectance).map(shown).collect()
     }

@@ -18,7 +18,7 @@ use crate::stream::{In, Out, wrong};
 use crate::transport::World;
 
 /// A way of dividing surfaces: changes whenever the same settings give other elements.
-const MESHING: u64 = 2;
+const MESHING: u64 = 3;
 
 /// Refinements at most.
 const MAX_LEVELS: u64 = 16;

@@ -246,7 +246,7 @@ fn systems_of_a_few_elements_are_solved_exactly() {
 
 #[test]
 fn rays_solve_the_same_systems_within_their_standard_error() {
-    let method = Method::Stochastic(stochastic::Settings { rays: 1 << 14, rounds: 32 });
+    let method = Method::Stochastic(stochastic::Settings { rays: 1 << 14, rounds: 32, ..stochastic::Settings::default() });
     let (mut worst, mut largest, mut n, mut squares) = (0.0f64, 0.0f64, 0, 0.0);
     for Case { id, faces, b, h } in systems() {
         let world = world(&faces, Vec::new());
@@ -640,7 +640,7 @@ fn neither_threads_nor_interruptions_change_anything() {
     let e = environment("BOX-02");
     let column = |name: &str| e["faces"].as_array().expect("faces").iter().map(|f| number(&f[name])).collect::<Vec<_>>();
     let world = world(&box_faces(vector(&e["size"]), &column("emission"), &column("reflectance")), Vec::new());
-    let rays = Method::Stochastic(stochastic::Settings { rays: 20_000, rounds: 2 });
+    let rays = Method::Stochastic(stochastic::Settings { rays: 20_000, rounds: 2, ..stochastic::Settings::default() });
     for (name, method) in deterministic().into_iter().chain([("rays", rays)]) {
         let mut settings = settings(method, Some(0.2), 1e-3);
         settings.stop = Stop { residual: 1e-3, error: 1.0, ..settings.stop };

@@ -181,7 +181,7 @@ fn spheres_full_of_a_medium_converge_to_their_closed_form() {
     }
     // By rays, within their errors and those of the facets.
     let (world, [_, b]) = globe(24, 1.0, 0.8);
-    let rays = Method::Stochastic(stochastic::Settings { rays: 1 << 14, rounds: 8 });
+    let rays = Method::Stochastic(stochastic::Settings { rays: 1 << 14, rounds: 8, ..stochastic::Settings::default() });
     let solution = solve(&world, &in_medium(rays, 1e-3, COLORED), |_| ());
     println!("rays: {:.1e}, balance {:.1e}", off(mean(&solution), b), solution.balance.error());
     assert!(off(mean(&solution), b) < 0.02);
@@ -240,7 +240,7 @@ fn lamps_sensors_and_eyes_look_through_the_medium() {
 fn a_solve_in_a_medium_goes_on_after_an_interruption() {
     let world = globe(8, 1.0, 0.8).0;
     let blocks = Method::Shooting(shooting::Settings { batch: 3, ..shooting::Settings::default() });
-    let rays = Method::Stochastic(stochastic::Settings { rays: 20_000, rounds: 2 });
+    let rays = Method::Stochastic(stochastic::Settings { rays: 20_000, rounds: 2, ..stochastic::Settings::default() });
     for method in [Method::Jacobi, Method::GaussSeidel, blocks, rays] {
         let mut settings = in_medium(method, 1e-3, COLORED);
         settings.stop = Stop { residual: 1e-3, error: 1.0, ..settings.stop };

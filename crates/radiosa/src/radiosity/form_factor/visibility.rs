@@ -109,10 +109,10 @@ impl<'a> Visibility<'a> {
         false
     }
 
-    /// Of `n` rays over the hemisphere of an element each meets an element; never where surfaces are transparent.
+    /// Of `n` rays over the hemisphere of an element each meets an element, and one behind that where it is transparent.
     pub(super) fn is_closed(&self, mesh: &ElementMesh, i: u32, n: u32) -> bool {
         let element = &mesh.elements()[i as usize];
-        if self.world.has_transparency() || !element.normal.is_finite() {
+        if !element.normal.is_finite() {
             return false;
         }
         let frame = Frame::from_normal(element.normal.as_vec3());
@@ -122,9 +122,23 @@ impl<'a> Visibility<'a> {
             && of.all(|k| {
                 let dir = frame.to_world(warp::cosine_hemisphere(sequence::point_2d(k, key)));
                 let ray = Ray { origin: self.of(i)[k as usize % POINTS], dir, t_max: f32::INFINITY };
-                let hit = self.world.closest_visible(&ray);
-                hit.is_some_and(|(hit, _)| mesh.element_at(&hit, ray.at(hit.t), dir).is_some())
+                self.ends_on_element(mesh, ray)
             })
+    }
+
+    /// A ray meets nothing but elements as far as it goes through transparent ones, and then an opaque one.
+    fn ends_on_element(&self, mesh: &ElementMesh, mut ray: Ray) -> bool {
+        const MAX_LAYERS: usize = 64;
+        for _ in 0..MAX_LAYERS {
+            let Some((hit, surface)) = self.world.closest_visible(&ray) else { return false };
+            let Some(element) = mesh.element_at(&hit, surface.p, ray.dir) else { return false };
+            let patch = &mesh.patches()[mesh.elements()[element as usize].patch as usize];
+            if !self.world.may_be_transparent(patch.material) {
+                return true;
+            }
+            ray = surface.ray(ray.dir);
+        }
+        false
     }
 
     /// `Σ V K` and `Σ K` along `n` lines between two groups of elements, spread over both; K with the areas of the elements at the ends.

@@ -4,16 +4,21 @@ use crate::math::DVec3;
 use crate::radiosity::patch::Patch;
 
 /// Cells along one edge of a patch at most.
-const MAX_CELLS: u32 = 1024;
+pub const MAX_CELLS: u32 = 1024;
 
 /// A convex polygon of three or four corners, counter-clockwise seen from the front; the last repeats the third in a triangle.
 pub(in crate::radiosity) type Piece = ([DVec3; 4], usize);
 
 /// Cells along the edges for elements no longer than `size`.
 pub(super) fn cells(patch: &Patch, size: f64) -> [u32; 2] {
+    wanted(patch, size).map(|n| n.min(MAX_CELLS))
+}
+
+/// The same without a limit.
+pub(super) fn wanted(patch: &Patch, size: f64) -> [u32; 2] {
     let c = patch.corners();
     let edge = |i: usize| (c[(i + 1) % c.len()] - c[i]).length();
-    let along = |length: f64| ((length / size - 1e-6).ceil().max(1.0) as u32).min(MAX_CELLS);
+    let along = |length: f64| (length / size - 1e-6).ceil().max(1.0) as u32;
     if patch.is_quad() {
         [along(edge(0).max(edge(2))), along(edge(1).max(edge(3)))]
     } else {

@@ -26,6 +26,7 @@ use crate::spectrum::Spectrum;
 use crate::transport::{Surface, World};
 
 pub use blocks::Blocks;
+pub use cells::MAX_CELLS;
 pub(super) use cells::{Piece, cell_at, corners_of_cell, triangle_cell};
 
 /// Parts along one edge of a cell at most.
@@ -140,6 +141,22 @@ impl Element {
         }
         let (u, v) = (w[1], w[2]);
         if v > u { [2.0 * u, v + u] } else { [u + v, 2.0 * v] }
+    }
+
+    /// The weights of its corners at a point of it ([`ElementMesh::weights_at`]); at the nearest in parameters for one outside.
+    pub(super) fn weights(&self, p: DVec3) -> [f32; 4] {
+        self.weights_of(patch::parameters(self.corners, self.n_corners == 4, p))
+    }
+
+    /// The same at parameters along its own corners: those of [`Patch::at`].
+    fn weights_of(&self, [s, t]: [f64; 2]) -> [f32; 4] {
+        let (s, t) = (s.clamp(0.0, 1.0), t.clamp(0.0, 1.0));
+        let weights = if self.n_corners == 4 {
+            [(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t]
+        } else {
+            [(1.0 - s - t).max(0.0), s, t, 0.0]
+        };
+        weights.map(|w| w as f32)
     }
 
     /// The image of a point of the unit square: bilinear, or folded into a triangle so that areas keep their proportion.
@@ -296,6 +313,12 @@ impl ElementMesh {
     pub fn coincident(&self) -> impl ExactSizeIterator<Item = (&Patch, &Patch)> {
         let patch = |index: u32| &self.patches.patches[index as usize];
         self.before.iter().map(move |(&of, before)| (patch(of), patch(before[0])))
+    }
+
+    /// Surfaces whose elements are longer than was asked for, since no edge has more than [`MAX_CELLS`].
+    pub fn n_coarser(&self) -> usize {
+        let Some(size) = self.record.settings.size else { return 0 };
+        self.patches.patches.iter().filter(|patch| cells::wanted(patch, size).iter().any(|&n| n > MAX_CELLS)).count()
     }
 
     /// The patch and side that are there at a point of a patch's side: of several in one plane the first.
@@ -488,13 +511,7 @@ impl ElementMesh {
     pub fn weights_at(&self, hit: &Hit, p: Vec3, dir: Vec3) -> Option<(u32, [f32; 4])> {
         let (index, side) = self.patches.side_at(hit, dir)?;
         let (element, [s, t]) = self.locate(index, side, p.as_dvec3())?;
-        let (s, t) = (s.clamp(0.0, 1.0), t.clamp(0.0, 1.0));
-        let weights = if self.elements[element as usize].n_corners == 4 {
-            [(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t]
-        } else {
-            [(1.0 - s - t).max(0.0), s, t, 0.0]
-        };
-        Some((element, weights.map(|w| w as f32)))
+        Some((element, self.elements[element as usize].weights_of([s, t])))
     }
 
     /// Some cells of the patch are cut, or divided again.

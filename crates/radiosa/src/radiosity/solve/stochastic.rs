@@ -12,6 +12,8 @@
 //!   nothing but the order of their samples. So the spread of rounds is the error, or more than it, since each element goes on in its own low-discrepancy sequence.
 //! - In scenes of very many triangles small neighbours are pooled ([`Pools`]): where it says element, read pool. The light of lamps stays with each element.
 //! - Streams are keyed by (seed, element) and go on by sample; hits are added up in the order of rays. So nothing depends on the number of threads.
+//! - Where no light gets lost and surfaces reflect most of it, rounds after the first subtract a constant from all radiosities ([`Stochastic::control`]): what it stands
+//!   for is known without rays, and rays only carry what differs from it.
 //! - An element that gets less than one ray gets one with that probability, and it carries what it would have carried: right on average. Else its rays carry its power, exactly.
 //! - What lies behind a transparent surface is reached by rays that pass it, with the probability that it lets light through. As in rows of form factors, which then
 //!   sum to more than one, what is met behind counts beside the surface; what passed is not absorbed by it.
@@ -37,11 +39,13 @@ pub struct Settings {
     pub rays: u32,
     /// Rounds at least, before their spread is believed.
     pub rounds: u32,
+    /// Subtract a constant where that is known to be right, and pays ([`Stochastic`]).
+    pub has_control: bool,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { rays: 0, rounds: 8 }
+        Self { rays: 0, rounds: 8, has_control: true }
     }
 }
 
@@ -49,6 +53,8 @@ impl Default for Settings {
 const PIECE: u64 = 4096;
 /// Pieces whose hits are held at once.
 const PIECES: usize = 256;
+/// Subtracting a constant pays where light is reflected as many times as this.
+const WORTH: f64 = 4.0;
 /// Transparent surfaces a ray passes at most.
 const MAX_LAYERS: u32 = 64;
 /// In place of an element: a ray met none; once for every meeting after its first; and once for a ray that passed what it met and met no more.
@@ -96,6 +102,8 @@ pub struct Stochastic {
     /// H − D and U of the round.
     irradiance: Vec<[f64; 3]>,
     unshot: Vec<[f64; 3]>,
+    /// β of the round, by channel: `H − D − β` and U are what is solved for. Zero: nothing is subtracted.
+    control: [f64; 3],
     /// Elements with something to send, rising.
     active: Vec<u32>,
     /// Power on its way; nothing between iterations.
@@ -134,6 +142,7 @@ impl Stochastic {
             iteration: 0,
             irradiance: zero(),
             unshot: zero(),
+            control: [0.0; 3],
             active: Vec::new(),
             arriving: zero(),
             rounds: 0,
@@ -163,7 +172,8 @@ impl Stochastic {
         out.array(&self.escaped_rays)?;
         out.array(&self.escaped)?;
         out.array(&self.passed)?;
-        out.array(&self.in_medium)
+        out.array(&self.in_medium)?;
+        out.array(&[self.control])
     }
 
     /// Goes on where [`Self::store`] was called, by the same system, settings and seed.
@@ -181,6 +191,7 @@ impl Stochastic {
         self.escaped.copy_from_slice(&from.array(2)?);
         self.passed.copy_from_slice(&from.array(2)?);
         self.in_medium.copy_from_slice(&from.array(2)?);
+        self.control.copy_from_slice(&from.array::<[f64; 3]>(1)?[0]);
         self.find_active();
         Ok(())
     }
@@ -188,7 +199,10 @@ impl Stochastic {
     /// A new round.
     fn begin(&mut self, pooled: &Pooled) {
         self.irradiance.fill([0.0; 3]);
-        self.unshot.copy_from_slice(&pooled.initial);
+        let beta = self.control;
+        for ((unshot, initial), rho) in self.unshot.iter_mut().zip(&pooled.initial).zip(&pooled.reflectance) {
+            *unshot = std::array::from_fn(|c| initial[c] - (1.0 - rho[c]) * beta[c]);
+        }
         for [now, _] in [&mut self.escaped, &mut self.passed, &mut self.in_medium] {
             *now = [0.0; 3];
         }
@@ -343,7 +357,7 @@ impl Stochastic {
         self.rounds += 1;
         for i in 0..self.pools.n() {
             for c in 0..3 {
-                let h = self.irradiance[i][c];
+                let h = self.control[c] + self.irradiance[i][c];
                 self.sum[i][c] += h;
                 self.squares[i][c] += h * h;
                 self.left[i][c] += self.unshot[i][c];
@@ -352,7 +366,31 @@ impl Stochastic {
         for [now, all] in [&mut self.escaped, &mut self.passed, &mut self.in_medium] {
             (0..3).for_each(|c| all[c] += now[c]);
         }
+        if self.rounds == 1 && self.settings.has_control {
+            self.control = self.control(pooled);
+        }
         self.begin(pooled);
+    }
+
+    /// The constant to subtract from all radiosities, by channel. Where every row of form factors sums to one, the rest `B′ = B − β` obeys
+    ///
+    /// ```text
+    /// B′ = E′ + ρ F B′,   E′ = E + ρ D − (1 − ρ) β,   H = D + β + F B′,   β = Σ A (E + ρ D)/Σ A (1 − ρ)
+    /// ```
+    ///
+    /// with that β, for which emission and absorption are in balance, `Σ A E′ = 0`. Rays then carry at most twice what is emitted, of both signs, and what comes back
+    /// cancels out; without it they carry `1/(1 − ρ)` times the emitted. So zero while that is less than [`WORTH`], where a ray has left the scene or
+    /// passed a surface, and in media: rows do not sum to one. Source: [Bekaert99].
+    fn control(&self, pooled: &Pooled) -> [f64; 3] {
+        if !pooled.medium.is_clear() || self.passed[1] != [0.0; 3] || self.escaped_rays.iter().any(|&n| n != 0) {
+            return [0.0; 3];
+        }
+        let all: f64 = pooled.area.iter().sum();
+        std::array::from_fn(|c| {
+            let power = pooled.area.iter().zip(&pooled.initial).map(|(a, e)| a * e[c]).sum::<f64>();
+            let absorbing = pooled.area.iter().zip(&pooled.reflectance).map(|(a, rho)| a * (1.0 - rho[c])).sum::<f64>();
+            if absorbing * WORTH < all { power / absorbing } else { 0.0 }
+        })
     }
 
     fn read(&self, system: &System, unknowns: &mut Unknowns, sums: &mut Sums) {
@@ -361,7 +399,8 @@ impl Stochastic {
         };
         for (i, row_sum) in sums.met.iter_mut().enumerate() {
             let p = self.pools.of_element(i) as usize;
-            let indirect = of(self.sum[p], self.irradiance[p]);
+            let now = std::array::from_fn(|c| self.control[c] + self.irradiance[p][c]);
+            let indirect = of(self.sum[p], now);
             let h: [f64; 3] = std::array::from_fn(|c| system.direct[i][c] + indirect[c]);
             unknowns.irradiance[i] = h;
             unknowns.radiosity[i] = std::array::from_fn(|c| system.emission[i][c] + system.reflectance[i][c] * h[c]);
