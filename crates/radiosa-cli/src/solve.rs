@@ -231,7 +231,7 @@ fn solved(
         let most = radiosa::radiosity::mesh::MAX_CELLS;
         warnings.push((
             "element-size",
-            format!("{n} surfaces have elements longer than --element-size: an edge has {most} of them at most; divide larger surfaces in the scene"),
+            format!("elements of {n} of the surfaces are longer than --element-size: an edge has {most} of them at most; divide larger surfaces in the scene"),
         ));
     }
     if let n @ 1.. = division.mesh().record().shadows.n_left_out {

@@ -515,3 +515,65 @@ fn a_constant_taken_from_all_radiosities_saves_rays_in_bright_rooms() {
         assert!(solution.balance.error() < 1e-3, "{:?}", solution.balance);
     }
 }
+
+#[test]
+fn a_bright_house_on_open_ground_keeps_its_light() {
+    // Its floor goes on outside, where no light is, and from where rays leave the scene.
+    let mut scene = Scene::new("house");
+    scene.materials = vec![furnace(0.9, 0.0), furnace(0.0, 1.0)];
+    let house = corners_of_box([-1.0, 0.0, -1.0], [1.0, 2.0, 1.0]);
+    add_quads(&mut scene, house, &[0, 1, 3, 4, 5].map(|f| (inwards(FACES[f]), 0)));
+    add_quads(&mut scene, corners_of_box([-4.0, -1.0, -4.0], [4.0, 0.0, 4.0]), &[(FACES[3], 0)]);
+    let lamp = [[-0.3, 1.9, -0.3], [0.3, 1.9, -0.3], [0.3, 1.9, 0.3], [-0.3, 1.9, 0.3]].map(DVec3::from_array).to_vec();
+    add_quads(&mut scene, lamp, &[([0, 1, 2, 3], 1)]);
+    let world = World::prepare(scene, CpuPath::detect()).expect("it is valid");
+    let (_, _, solution) = by_rays(&world, true);
+    let b = solution.balance;
+    assert!((b.absorbed[0] / b.emitted[0] - 1.0).abs() < 1e-3 && (b.escaped[0] / b.emitted[0]).abs() < 1e-3, "{b:?}");
+    let outside = |p: DVec3| p.x.abs() > 1.01 || p.z.abs() > 1.01;
+    let mut n = 0;
+    for (element, h) in solution.mesh.elements().iter().zip(&solution.irradiance) {
+        if outside(element.centre() + world.origin()) {
+            n += 1;
+            assert!(h[0] == 0.0, "{h:?} at {:?}", element.centre() + world.origin());
+        }
+    }
+    assert!(n > 0, "nothing outside takes part");
+}
+
+#[test]
+fn what_is_lit_through_a_pane_alone_is_lit() {
+    // A room cut in two by a pane flush with its walls, which takes nothing away: as if it were not there.
+    let room = |has_pane: bool| {
+        let mut scene = Scene::new("pane");
+        scene.materials = vec![furnace(0.5, 0.0), furnace(0.0, 1.0), pane(0.0, 0.0, 0.0)];
+        add_quads(&mut scene, corners_of_box([0.0; 3], [4.0, 2.0, 2.0]), &FACES.map(|face| (inwards(face), 0)));
+        let lamp = [[0.5, 1.9, 0.5], [1.0, 1.9, 0.5], [1.0, 1.9, 1.5], [0.5, 1.9, 1.5]].map(DVec3::from_array).to_vec();
+        add_quads(&mut scene, lamp, &[([0, 1, 2, 3], 1)]);
+        if has_pane {
+            let across = [[2.0, 0.0, 0.0], [2.0, 2.0, 0.0], [2.0, 2.0, 2.0], [2.0, 0.0, 2.0]].map(DVec3::from_array).to_vec();
+            add_quads(&mut scene, across, &[([0, 1, 2, 3], 2)]);
+        }
+        scene
+    };
+    // Mean irradiances of the walls in either half.
+    let means = |solution: &radiosity::Solution| {
+        let mut sums = [[0.0; 2]; 2];
+        for (element, h) in solution.mesh.elements().iter().zip(&solution.irradiance) {
+            let material = solution.mesh.patches()[element.patch as usize].material;
+            if material == Some(MaterialId(0)) {
+                let x = element.centre().x
+                    + solution.mesh.patches().iter().map(|p| p.corners()[0].x).fold(f64::INFINITY, f64::min).abs();
+                let sum = &mut sums[usize::from(x > 2.0)];
+                (sum[0], sum[1]) = (sum[0] + element.area * h[0], sum[1] + element.area);
+            }
+        }
+        sums.map(|[h, area]| h / area)
+    };
+    let truth = means(&balances(&room(false))[0].0);
+    for (solution, _) in balances(&room(true)) {
+        let found = means(&solution);
+        println!("{found:?} with a pane, {truth:?} without");
+        assert!((0..2).all(|k| (found[k] / truth[k] - 1.0).abs() < 0.02), "{found:?}, not {truth:?}");
+    }
+}

@@ -303,12 +303,19 @@ impl<'a> Together<'a> {
 /// Corners that hang on others that hang on others.
 const MOST_TURNS: usize = 16;
 
+/// Where more corners than that meet, as at the tip of a cone or in what is too small to be told apart, each keeps its own value.
+const MOST_CORNERS: usize = 256;
+
 /// An element and which of its corners.
 type Corner = (u32, u8);
 
 /// The corners on borders of patches, and in patches with divided cells, by where they are. (Others have the same value as their neighbours already.)
 fn places(world: &World, mesh: &ElementMesh) -> Vec<Vec<Corner>> {
-    let grain = f64::from(world.accel().bounds().extent().max_element()).max(f64::MIN_POSITIVE) * 1e-5;
+    let extent = f64::from(world.accel().bounds().extent().max_element()).max(f64::MIN_POSITIVE);
+    let edge = |e: &Element| e.corners().windows(2).map(|c| (c[1] - c[0]).length()).fold(f64::INFINITY, f64::min);
+    let shortest = mesh.elements().iter().map(edge).fold(f64::INFINITY, f64::min);
+    // Finer than elements, but not than the rounding of files.
+    let grain = (1e-2 * shortest).clamp(1e-6 * extent, 1e-5 * extent);
     let mut at: HashMap<[i64; 3], Vec<Corner>> = HashMap::new();
     for (e, element) in mesh.elements().iter().enumerate() {
         let inner = mesh.is_inner(element);
@@ -319,7 +326,7 @@ fn places(world: &World, mesh: &ElementMesh) -> Vec<Vec<Corner>> {
             }
         }
     }
-    let mut places: Vec<_> = at.into_values().collect();
+    let mut places: Vec<_> = at.into_values().filter(|place| place.len() <= MOST_CORNERS).collect();
     places.sort_unstable();
     places
 }
@@ -379,14 +386,21 @@ fn join(world: &World, mesh: &ElementMesh, corners: &mut [[Spectrum; 4]]) {
 /// Where two elements meet close to a corner `k` of the first that lies on an edge of the second. (In the corner of a room itself its walls would be in the way.)
 fn beside([a, on]: [&Element; 2], k: usize) -> DVec3 {
     const ALONG: f64 = 0.1;
-    let (c, edges) = (a.corners(), on.corners());
-    let off_edge = |p: DVec3, i: usize| {
-        let (start, along) = (edges[i], edges[(i + 1) % edges.len()] - edges[i]);
-        (p - start).cross(along).length() / along.length()
-    };
-    let is_on_edge = |p: &DVec3| (0..edges.len()).any(|i| off_edge(*p, i) < 1e-6 * on.whole_area.sqrt());
+    let c = a.corners();
     let along = |next: usize| c[k] + (c[next] - c[k]) * ALONG;
-    [(k + 1) % c.len(), (k + c.len() - 1) % c.len()].map(along).into_iter().find(is_on_edge).unwrap_or(c[k])
+    let beside = [(k + 1) % c.len(), (k + c.len() - 1) % c.len()].map(along);
+    beside.into_iter().find(|&p| is_on_edge(on, p)).unwrap_or(c[k])
+}
+
+/// A point lies on an edge of an element, or close to it.
+fn is_on_edge(element: &Element, p: DVec3) -> bool {
+    const CLOSE: f64 = 1e-5;
+    let c = element.corners();
+    (0..c.len()).any(|i| {
+        let (start, along) = (c[i], c[(i + 1) % c.len()] - c[i]);
+        let t = ((p - start).dot(along) / along.length_squared()).clamp(0.0, 1.0);
+        (start + along * t - p).length() < CLOSE * element.whole_area.sqrt()
+    })
 }
 
 /// Of the corners in one place those in the middle of an element's edge, each with that element: Gouraud's values would jump along it.
@@ -421,6 +435,7 @@ fn hanging(together: &Together, place: &[Corner]) -> Vec<(u32, Corner)> {
             let Some((hit, surface)) = world.closest_visible(&ray) else { continue };
             if let Some(on) = mesh.element_at(&hit, surface.p, ray.dir)
                 && place.iter().all(|&(f, _)| f != on)
+                && is_on_edge(&elements[on as usize], c[k])
             {
                 found.extend(place.iter().map(|&corner| (on, corner)));
             }

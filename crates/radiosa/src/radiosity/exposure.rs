@@ -47,17 +47,13 @@ pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight) -
             let mut met = Vec::with_capacity(RAYS as usize);
             let mut is_lit = mesh.patches()[element.patch as usize].emits(world, element.side);
             for dir in directions(normal, RAYS, rng::key(&[node as u64, 0x6578_706F])) {
-                match seen(world, mesh, from, dir) {
-                    Seen::Outside => is_lit = true,
-                    Seen::Point(other) => {
-                        let to = starts[other];
-                        let faces = elements[other / POINTS].normal.as_vec3().dot(from - to) > 0.0 && normal.dot(to - from) > 0.0;
-                        if faces && is_free(world, from, to) {
-                            met.push(other as u32);
-                        }
+                is_lit |= seen(world, mesh, from, dir, |other| {
+                    let to = starts[other];
+                    let faces = elements[other / POINTS].normal.as_vec3().dot(from - to) > 0.0 && normal.dot(to - from) > 0.0;
+                    if faces && is_free(world, from, to) {
+                        met.push(other as u32);
                     }
-                    Seen::Nothing => {}
-                }
+                });
             }
             (met, is_lit || direct.reaches(&point_of(world, mesh, e, k).0, normal))
         })
@@ -98,10 +94,10 @@ fn sees_exposed(
     }
     let (surface, from) = point_of(world, mesh, e, k);
     let mut directions = directions(normal, 2 * RAYS, rng::key(&[e as u64, k as u64, 0x6D6F_7265]));
-    let sees = directions.any(|dir| match seen(world, mesh, from, dir) {
-        Seen::Outside => true,
-        Seen::Point(other) => is_exposed[other] && is_free(world, from, starts[other]),
-        Seen::Nothing => false,
+    let sees = directions.any(|dir| {
+        let mut sees = false;
+        sees |= seen(world, mesh, from, dir, |other| sees |= is_exposed[other] && is_free(world, from, starts[other]));
+        sees
     });
     sees || direct.reaches(&surface, normal)
 }
@@ -120,19 +116,13 @@ fn directions(normal: Vec3, n: u32, key: u64) -> impl Iterator<Item = Vec3> {
     (0..n).map(move |i| frame.to_world(warp::cosine_hemisphere(sequence::point_2d(i, key))))
 }
 
-/// What a ray meets.
-enum Seen {
-    /// Nothing: it leaves the scene.
-    Outside,
-    /// A side that takes no part.
-    Nothing,
-    /// Near a point of an element.
-    Point(usize),
-}
-
-fn seen(world: &World, mesh: &ElementMesh, from: Vec3, dir: Vec3) -> Seen {
-    let Some((hit, at)) = world.closest_visible(&Ray::new(from, dir)) else { return Seen::Outside };
-    node_at(mesh, &hit, at.p, dir).map_or(Seen::Nothing, Seen::Point)
+/// What a ray meets, also behind what is transparent: the nearest points of elements; and whether it leaves the scene.
+fn seen(world: &World, mesh: &ElementMesh, from: Vec3, dir: Vec3, mut point: impl FnMut(usize)) -> bool {
+    world.each_met(&Ray::new(from, dir), |hit, surface| {
+        if let Some(node) = node_at(mesh, hit, surface.p, dir) {
+            point(node);
+        }
+    })
 }
 
 /// The point whose stratum a hit falls into.

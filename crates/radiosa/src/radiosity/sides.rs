@@ -1,7 +1,7 @@
 //! Which sides of surfaces light can reach.
 //!
 //! A wall has two sides, and one of them usually faces nothing that matters: the outside of a room, the inside of a solid. Rays from random points of
-//! every side tell which sides see each other; sides are joined to groups by that, and a group without any source of light is dropped. A group is
+//! every side tell which sides see each other, also through what is transparent; sides are joined to groups by that, and a group without any source of light is dropped. A group is
 //! kept whole, so a gap that few rays find still joins what lies on both sides of it when one ray does. Rays from lamps tell what they light, however little
 //! that is; for skies that are seen through little, large dark sides look again.
 
@@ -11,11 +11,12 @@ use super::direct::DirectLight;
 use super::groups;
 use super::mesh::surface_of;
 use super::patch::{Patch, Patches};
+use crate::accel::Hit;
 use crate::math::polygon::area_vector;
 use crate::math::{DVec3, Frame, Vec2};
 use crate::sampling::{rng, sequence, warp};
 use crate::scene::{AlphaMode, Model};
-use crate::transport::World;
+use crate::transport::{Surface, World};
 
 /// Rays of one side, at least and at most.
 const RAYS: [u32; 2] = [8, 256];
@@ -77,10 +78,9 @@ pub(super) fn lit(world: &World, patches: &Patches, direct: &DirectLight) -> Vec
             for i in 0..rays {
                 let surface = surface_of(world, patch, inside(patch, sequence::point_2d(i, key)), normal);
                 let dir = frame.to_world(warp::cosine_hemisphere(sequence::point_2d(i, key ^ 1)));
-                match world.closest_visible(&surface.ray(dir)) {
-                    None => is_lit |= direct.has_sky(),
-                    Some((hit, _)) => met.extend(patches.side_at(&hit, dir).map(|(other, side)| 2 * other + side as u32)),
-                }
+                let meets =
+                    |hit: &Hit, _: &Surface| met.extend(patches.side_at(hit, dir).map(|(other, side)| 2 * other + side as u32));
+                is_lit |= world.each_met(&surface.ray(dir), meets) && direct.has_sky();
                 if !is_lit && i < 32 {
                     is_lit = direct.reaches(&surface, normal.as_vec3());
                 }
@@ -113,7 +113,7 @@ fn looked_again(world: &World, patches: &Patches, mut seen: Vec<(Vec<u32>, bool)
         (0..rays).any(|i| {
             let [at, u] = sequence::point_4d(i, key);
             let surface = surface_of(world, patch, inside(patch, at), unit);
-            world.closest_visible(&surface.ray(frame.to_world(warp::cosine_hemisphere(u)))).is_none()
+            world.each_met(&surface.ray(frame.to_world(warp::cosine_hemisphere(u))), |_, _| {})
         })
     };
     let found: Vec<bool> = dark.par_iter().map(sees_out).collect();

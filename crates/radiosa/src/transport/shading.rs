@@ -236,6 +236,21 @@ impl World {
         Some((hit, self.surface(ray, &hit)))
     }
 
+    /// What a ray meets one after the other, as far as it goes straight on through what is transparent; the last is opaque, unless the ray leaves the scene.
+    pub(crate) fn each_met(&self, ray: &Ray, mut meet: impl FnMut(&Hit, &Surface)) -> bool {
+        const MAX_LAYERS: usize = 64;
+        let mut ray = *ray;
+        for _ in 0..MAX_LAYERS {
+            let Some((hit, surface)) = self.closest_visible(&ray) else { return true };
+            meet(&hit, &surface);
+            if !self.may_be_transparent(surface.material) {
+                return false;
+            }
+            ray = surface.ray(ray.dir);
+        }
+        false
+    }
+
     /// The fractions of light that pass along the first `n` segments, straight through holes and what is transparent. White for the rest.
     pub fn transmittances(&self, segments: &[Ray; 8], n: usize, passage: Passage<'_>, n_rays: &mut u64) -> [Spectrum; 8] {
         if n <= Self::FEW_SEGMENTS {

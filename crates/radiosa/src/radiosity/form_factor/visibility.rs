@@ -126,19 +126,14 @@ impl<'a> Visibility<'a> {
             })
     }
 
-    /// A ray meets nothing but elements as far as it goes through transparent ones, and then an opaque one.
-    fn ends_on_element(&self, mesh: &ElementMesh, mut ray: Ray) -> bool {
-        const MAX_LAYERS: usize = 64;
-        for _ in 0..MAX_LAYERS {
-            let Some((hit, surface)) = self.world.closest_visible(&ray) else { return false };
-            let Some(element) = mesh.element_at(&hit, surface.p, ray.dir) else { return false };
-            let patch = &mesh.patches()[mesh.elements()[element as usize].patch as usize];
-            if !self.world.may_be_transparent(patch.material) {
-                return true;
-            }
-            ray = surface.ray(ray.dir);
-        }
-        false
+    /// A ray meets nothing but elements that light can reach as far as it goes through transparent ones, and then an opaque one.
+    fn ends_on_element(&self, mesh: &ElementMesh, ray: Ray) -> bool {
+        let mut all = true;
+        let leaves = self.world.each_met(&ray, |hit, surface| {
+            let element = mesh.element_at(hit, surface.p, ray.dir);
+            all &= element.is_some_and(|e| mesh.elements()[e as usize].exposed() > 0.0);
+        });
+        all && !leaves
     }
 
     /// `Σ V K` and `Σ K` along `n` lines between two groups of elements, spread over both; K with the areas of the elements at the ends.

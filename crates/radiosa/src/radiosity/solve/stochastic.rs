@@ -225,6 +225,7 @@ impl Stochastic {
         let mut sent = 0;
         loop {
             sent += self.iterate(world, mesh, &pooled);
+            self.give_up_control(&pooled);
             // Less than one ray is left: the round is over.
             let left: f64 = self.active.iter().map(|&i| self.weight(&pooled, i as usize)).sum();
             if left <= self.quantum {
@@ -379,10 +380,11 @@ impl Stochastic {
     /// ```
     ///
     /// with that β, for which emission and absorption are in balance, `Σ A E′ = 0`. Rays then carry at most twice what is emitted, of both signs, and what comes back
-    /// cancels out; without it they carry `1/(1 − ρ)` times the emitted. So zero while that is less than [`WORTH`], where a ray has left the scene or
-    /// passed a surface, and in media: rows do not sum to one. Source: [Bekaert99].
+    /// cancels out; without it they carry `1/(1 − ρ)` times the emitted. So zero while that is less than [`WORTH`], where rays have left the scene or
+    /// passed a surface, and in media: rows do not sum to one; and where an element is dark, of which nobody knows. Source: [Bekaert99].
     fn control(&self, pooled: &Pooled) -> [f64; 3] {
-        if !pooled.medium.is_clear() || self.passed[1] != [0.0; 3] || self.escaped_rays.iter().any(|&n| n != 0) {
+        let is_dark = |p: usize| pooled.area[p] > 0.0 && self.irradiance[p] == [0.0; 3] && pooled.initial[p] == [0.0; 3];
+        if self.loses(pooled) || (0..self.pools.n()).any(is_dark) {
             return [0.0; 3];
         }
         let all: f64 = pooled.area.iter().sum();
@@ -391,6 +393,36 @@ impl Stochastic {
             let absorbing = pooled.area.iter().zip(&pooled.reflectance).map(|(a, rho)| a * (1.0 - rho[c])).sum::<f64>();
             if absorbing * WORTH < all { power / absorbing } else { 0.0 }
         })
+    }
+
+    /// Rows of form factors do not sum to one, as far as rays have met: more of them left the scene than slip through between surfaces that touch.
+    fn loses(&self, pooled: &Pooled) -> bool {
+        const OF_ALL: u64 = 10_000;
+        const OF_ONE: u64 = 50;
+        let escaped = || self.escaped_rays.iter().map(|n| n.unsigned_abs());
+        !pooled.medium.is_clear()
+            || self.passed != [[0.0; 3]; 2]
+            || escaped().sum::<u64>() * OF_ALL > self.n_rays
+            || escaped().zip(&self.used).any(|(n, &used)| n * OF_ONE > u64::from(used))
+    }
+
+    /// Where rays leave a scene that seemed closed, nothing that was found by subtracting a constant counts.
+    fn give_up_control(&mut self, pooled: &Pooled) {
+        if self.control == [0.0; 3] || !self.loses(pooled) {
+            return;
+        }
+        self.control = [0.0; 3];
+        // (The first round is without.)
+        if self.rounds > 1 {
+            self.rounds = 0;
+            for column in [&mut self.sum, &mut self.squares, &mut self.left] {
+                column.fill([0.0; 3]);
+            }
+            for [_, all] in [&mut self.escaped, &mut self.passed, &mut self.in_medium] {
+                *all = [0.0; 3];
+            }
+        }
+        self.begin(pooled);
     }
 
     fn read(&self, system: &System, unknowns: &mut Unknowns, sums: &mut Sums) {
