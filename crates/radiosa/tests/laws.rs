@@ -51,6 +51,7 @@ fn members() -> Vec<Member> {
                             shadowing,
                             fresnel,
                             form,
+                            transmission: None,
                         };
                         members.push(Member {
                             name: format!("{distribution:?} {shadowing:?} {alpha} {fresnel:?} {form:?}"),
@@ -256,6 +257,7 @@ fn a_smooth_metal_is_a_mirror_of_its_colour() {
         occlusion: 1.0,
         absorption: Spectrum::BLACK,
         thick: false,
+        inside: false,
     };
     let bsdf = Bsdf::MetallicRoughness(metal);
     assert!(bsdf.is_specular_only());

@@ -28,6 +28,7 @@ fn cook(distribution: Distribution, shadowing: Shadowing, fresnel: Fresnel, alph
         shadowing,
         fresnel,
         form: Form::Modern,
+        behind: None,
     }))
 }
 
