@@ -185,6 +185,7 @@ impl Formulas for Shipped {
             },
             form,
             transmission: None,
+            compensation: None,
         });
         f64::from(bsdf.evaluate(vec3(N), vec3(v), vec3(l)).specular.g)
     }

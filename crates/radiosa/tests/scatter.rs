@@ -218,3 +218,49 @@ fn lobes_reflect_no_more_than_all_and_perfect_rays_are_chosen_by_their_weight() 
         assert!((count - share).abs() < 0.02, "{counts:?}");
     }
 }
+
+#[test]
+fn what_facets_reflect_more_than_once_is_given_back() {
+    let furnace = |bsdf: Bsdf, theta: f64| albedo(&seen(bsdf, theta), 40_000);
+    let (mut worst, mut least, mut n_caught, mut n) = (0.0f64, 1.0f64, 0, 0);
+    for distribution in [Distribution::Ggx, Distribution::Beckmann] {
+        for shadowing in [Shadowing::SmithCorrelated, Shadowing::Smith, Shadowing::VCavity] {
+            for alpha in [2e-3f32, 0.02, 0.1, 0.25, 0.5, 0.8, 1.0] {
+                for theta in [0.0f64, 0.7, 1.2, 1.5] {
+                    let white = cook(distribution, shadowing, Fresnel::One, alpha, 0.0);
+                    let (mean, error) = furnace(white.compensated(), theta);
+                    worst = worst.max((mean - 1.0).abs() - 2.0 * error);
+                    assert!(
+                        (mean - 1.0).abs() < 1e-2 + 4.5 * error,
+                        "{distribution:?} {shadowing:?} {alpha} at {theta}: {mean} ± {error}"
+                    );
+                    // The twin: nothing is given back.
+                    let (bare, error) = furnace(white, theta);
+                    least = least.min(bare);
+                    n_caught += u32::from((bare - 1.0).abs() > 1e-2 + 4.5 * error);
+                    n += 1;
+                }
+            }
+        }
+    }
+    println!(
+        "white metals: at most {worst:.4} off beyond two standard errors, without it down to {least:.3}; {n_caught} of {n} twins are caught"
+    );
+    assert!(n_caught * 2 > n);
+    // Coloured metals get the series of all reflections but the first, Σ ρ^k (1 − E)^(k − 1) E from k = 2 on, ρ and E the means over the hemisphere.
+    let (alpha, thetas) = (0.8f32, (0..64).map(|i| ((i as f64 + 0.5) / 64.0).sqrt().acos()));
+    let metal = |f0: f32| {
+        let fresnel = Fresnel::Schlick { f0: Spectrum::gray(f0) };
+        cook(Distribution::Ggx, Shadowing::SmithCorrelated, fresnel, alpha, 0.0)
+    };
+    let e = |theta: f64| furnace(metal(1.0), theta).0;
+    let e_mean = thetas.map(e).sum::<f64>() / 64.0;
+    for (f0, rho) in [(0.2f32, 0.2 + 0.8 / 21.0), (0.8, 0.8 + 0.2 / 21.0)] {
+        for theta in [0.3, 1.3] {
+            let series: f64 = (2..200).map(|k| f64::powi(rho, k) * f64::powi(1.0 - e_mean, k - 1) * e_mean).sum();
+            let expected = furnace(metal(f0), theta).0 + series * (1.0 - e(theta)) / (1.0 - e_mean);
+            let (mean, error) = furnace(metal(f0).compensated(), theta);
+            assert!((mean - expected).abs() < 5e-3 + 4.5 * error, "F₀ {f0} at {theta}: {mean} ± {error} for {expected}");
+        }
+    }
+}

@@ -9,6 +9,7 @@
 //! A dielectric may let through what its facets do not reflect ([`rough_dielectric`](super::rough_dielectric)): rough glass.
 
 use super::microfacet::{self, Angles, MIN_ALPHA};
+use super::multiple_scattering::Compensation;
 use super::rough_dielectric::Boundary;
 use super::{Lobes, Lookup, SpecularRays, Transmission, dielectric, fresnel, lambert, phong};
 use crate::math::Vec3;
@@ -36,6 +37,8 @@ pub struct CookTorrance {
     pub form: Form,
     /// What lies behind a dielectric that lets light through; its index is that seen from outside.
     pub transmission: Option<Transmission>,
+    /// What is reflected more than once, where that is asked for.
+    pub compensation: Option<Compensation>,
 }
 
 impl CookTorrance {
@@ -58,6 +61,15 @@ impl CookTorrance {
                 absorption: behind.absorption,
                 priority: behind.priority,
             }),
+            compensation: None,
+        }
+    }
+
+    /// Gives back what facets reflect more than once, in the modern form.
+    pub(super) fn compensate(&mut self) {
+        if self.form == Form::Modern && !self.specular.is_black() {
+            let mean = fresnel::mean(|cos| self.facet(cos));
+            self.compensation = Compensation::new(self.distribution, self.shadowing, self.alpha, mean);
         }
     }
 
@@ -121,7 +133,10 @@ impl CookTorrance {
     /// `(k_d/π)(n·wi)` and the highlight times `n·wi`; the highlight is zero when the viewer is behind `n`.
     pub fn evaluate_cos(&self, n: Vec3, wo: Vec3, wi: Vec3) -> Lobes {
         let diffuse = lambert::f_cos(self.diffuse, n, wi);
-        let specular = Angles::new(n, wo, wi).map_or(Spectrum::BLACK, |angles| self.specular_f(&angles) * angles.n_l);
+        let again =
+            |angles: &Angles| self.compensation.map_or(Spectrum::BLACK, |c| self.specular * c.f_cos(angles.n_v, angles.n_l));
+        let specular =
+            Angles::new(n, wo, wi).map_or(Spectrum::BLACK, |angles| self.specular_f(&angles) * angles.n_l + again(&angles));
         Lobes { diffuse, specular }
     }
 

@@ -16,6 +16,7 @@
 use std::f32::consts::FRAC_1_PI;
 
 use super::microfacet::{self, Angles, MIN_ALPHA};
+use super::multiple_scattering::Compensation;
 use super::rough_dielectric::Boundary;
 use super::{Lobes, Lookup, SpecularRays, Transmission, dielectric, fresnel, mirror};
 use crate::math::Vec3;
@@ -50,6 +51,8 @@ pub struct MetallicRoughness {
     pub thick: bool,
     /// The viewer is inside.
     pub inside: bool,
+    /// What is reflected more than once, where that is asked for.
+    pub compensation: Option<Compensation>,
 }
 
 impl MetallicRoughness {
@@ -69,6 +72,15 @@ impl MetallicRoughness {
             absorption: m.absorption,
             thick: m.thick,
             inside: false,
+            compensation: None,
+        }
+    }
+
+    /// Gives back what facets reflect more than once.
+    pub(super) fn compensate(&mut self) {
+        if !self.is_smooth() {
+            let mean = fresnel::mean(|cos| self.facet(cos));
+            self.compensation = Compensation::new(Distribution::Ggx, Shadowing::SmithCorrelated, self.alpha, mean);
         }
     }
 
@@ -150,7 +162,8 @@ impl MetallicRoughness {
         } else {
             let d = microfacet::d(Distribution::Ggx, self.alpha, &angles);
             let g = microfacet::g_over_cosines(Shadowing::SmithCorrelated, Distribution::Ggx, self.alpha, &angles);
-            self.facet(angles.v_h) * (0.25 * d * g * angles.n_l)
+            let again = self.compensation.map_or(Spectrum::BLACK, |c| c.f_cos(angles.n_v, angles.n_l));
+            self.facet(angles.v_h) * (0.25 * d * g * angles.n_l) + again
         };
         Lobes { diffuse, specular }
     }

@@ -21,6 +21,7 @@ pub mod lambert;
 pub mod metallic_roughness;
 pub mod microfacet;
 pub mod mirror;
+pub mod multiple_scattering;
 pub mod phong;
 pub mod rough_dielectric;
 pub mod scatter;
@@ -337,6 +338,30 @@ impl Bsdf {
             Self::MetallicRoughness(m) => Self::MetallicRoughness(m.met_from_inside()),
             bsdf => bsdf,
         }
+    }
+
+    /// The same with a lobe that gives back what its facets reflect more than once ([`multiple_scattering`]): of Cook–Torrance in its modern form and of rough
+    /// metallic–roughness, unless they refract.
+    pub fn compensated(mut self) -> Self {
+        if self.boundary().is_some() {
+            return self;
+        }
+        match &mut self {
+            Self::Unlit(_) | Self::Phong(_) => {}
+            Self::CookTorrance(m) => m.compensate(),
+            Self::MetallicRoughness(m) => m.compensate(),
+        }
+        self
+    }
+
+    /// The part that the lobe for multiple scattering reflects of light at `cos` from the normal.
+    fn reflected_again(&self, cos: f32) -> Spectrum {
+        let of = match self {
+            Self::Unlit(_) | Self::Phong(_) => None,
+            Self::CookTorrance(m) => m.compensation.map(|c| m.specular * c.albedo(cos)),
+            Self::MetallicRoughness(m) => m.compensation.map(|c| c.albedo(cos)),
+        };
+        of.unwrap_or(Spectrum::BLACK)
     }
 
     /// The same with lobes at least as rough as `alpha`: what a rough mirror shows of a sharp highlight is not sharp, and a few rays

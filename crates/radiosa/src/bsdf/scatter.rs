@@ -130,7 +130,8 @@ impl Scatter {
             }
         };
         let ray = |ray: Option<(Vec3, Spectrum)>| ray.map_or(0.0, |(_, weight)| weight.luminance().max(0.0));
-        let diffuse = bsdf.diffuse_reflectance().luminance();
+        // Both are drawn by the cosine.
+        let diffuse = bsdf.diffuse_reflectance().luminance() + bsdf.reflected_again(cos_o).luminance();
         let glossy = if gloss == Gloss::None || cos_o <= 0.0 { 0.0 } else { reflects.luminance().max(LEAST * diffuse).max(1e-6) };
         let of = [diffuse, glossy, ray(rays.reflected), ray(rays.refracted)];
         let sum: f32 = of.iter().sum();

@@ -247,6 +247,9 @@ impl<'a> Walk<'a> {
                     shading.bsdf = shading.bsdf.met_from_inside();
                 }
             }
+            if self.method.settings.multiple_scattering {
+                shading.bsdf = shading.bsdf.compensated();
+            }
             if shading.coverage < 1.0 && self.stream.next_f32() >= shading.coverage {
                 // A hole in the wall of a body lets into the body.
                 if is_boundary {
