@@ -157,7 +157,7 @@ fn chi_square(scatter: &Scatter, pdf: impl Fn(Vec3) -> f32) -> f64 {
     const ROWS: usize = 24;
     const COLUMNS: usize = 24;
     const FINE: usize = 48;
-    const N: u32 = 200_000;
+    const N: u32 = 100_000;
     let mut expected = vec![0.0; ROWS * COLUMNS];
     for (k, e) in expected.iter_mut().enumerate() {
         for i in 0..FINE * FINE {
