@@ -127,6 +127,44 @@ fn mean_weights_are_what_facets_reflect_and_let_through() {
 }
 
 #[test]
+fn a_sheet_lets_through_by_the_lobe_it_reflects() {
+    for distribution in [Distribution::Ggx, Distribution::Beckmann] {
+        for theta in [0.2f64, 1.2] {
+            let (d, g) = exact(distribution, Shadowing::Smith);
+            // Both faces with all the light between them.
+            let facet = |cos| {
+                let r = brdf::fresnel_dielectric(cos, 1.0, 1.5);
+                (2.0 * r / (1.0 + r), 0.0)
+            };
+            let (r, _) = directional_albedo((d, g, 0.4), 1.5, theta, facet);
+            let (all, _) = directional_albedo((d, g, 0.4), 1.5, theta, |_| (1.0, 0.0));
+            let found = albedos(&seen(glass(distribution, Shadowing::Smith, 0.4, 1.5, true), theta, false), 60_000);
+            for ((mean, error), expected) in found.into_iter().zip([r, all - r]) {
+                assert!(
+                    (mean - expected).abs() < 4.5 * (error + 2e-4),
+                    "{distribution:?} {theta}: {mean} ± {error} for {expected}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn between_media_that_are_alike_nothing_is_rough() {
+    // Glass in glass: what goes through goes straight on, from outside and from inside.
+    for inside in [false, true] {
+        let bsdf = glass(Distribution::Ggx, Shadowing::Smith, 0.4, 1.5, false).within(1.5);
+        assert!(bsdf.boundary().is_none());
+        let scatter = seen(bsdf, 0.7, inside);
+        let mut stream = Stream::new(2, 2, 2);
+        for _ in 0..100 {
+            let drawn = scatter.sample(stream.next_2d(), stream.next_f32()).expect("it goes through");
+            assert!((drawn.wi + viewer(0.7)).length() < 1e-4 && (drawn.weight.sum().g - 1.0).abs() < 1e-4);
+        }
+    }
+}
+
+#[test]
 fn gltf_glass_shows_its_directional_albedo() {
     for (roughness, inside) in [(0.3f32, false), (0.7, false), (0.3, true), (0.7, true)] {
         for theta in [0.2f64, 1.2] {

@@ -114,7 +114,7 @@ impl Scatter {
                     m.form = Form::Modern;
                 }
                 let strength = if m.form == Form::Modern { 1.0 } else { 4.0 };
-                reflects = m.specular * m.facet(cos_o) * strength + m.passing(cos_o);
+                reflects = m.specular * m.facet(cos_o) * strength;
                 if m.specular.is_black() && boundary.is_none() {
                     Gloss::None
                 } else {
@@ -123,12 +123,12 @@ impl Scatter {
             }
             Bsdf::MetallicRoughness(m) => {
                 reflects = m.facet(cos_o);
-                if boundary.is_some() {
-                    reflects += m.passing(cos_o);
-                }
                 if m.is_smooth() { Gloss::None } else { Gloss::Facets { distribution: Distribution::Ggx, alpha: m.alpha } }
             }
         };
+        if boundary.is_some() {
+            reflects += bsdf.passing(cos_o);
+        }
         let ray = |ray: Option<(Vec3, Spectrum)>| ray.map_or(0.0, |(_, weight)| weight.luminance().max(0.0));
         // Both are drawn by the cosine.
         let diffuse = bsdf.diffuse_reflectance().luminance() + bsdf.reflected_again(cos_o).luminance();
