@@ -252,7 +252,7 @@ impl Bsdf {
         match self {
             Self::Unlit(_) => true,
             Self::Phong(m) => m.diffuse.is_black() && m.specular.is_black(),
-            Self::CookTorrance(m) => m.diffuse.is_black() && m.specular.is_black(),
+            Self::CookTorrance(m) => m.diffuse.is_black() && m.specular.is_black() && m.transmission.is_none(),
             Self::MetallicRoughness(m) => m.is_smooth() && m.diffuse_reflectance().is_black(),
         }
     }
