@@ -60,6 +60,8 @@ enum Gloss {
     Facets {
         distribution: Distribution,
         alpha: f32,
+        /// `G₁/(n·v)`: a facet normal is drawn with the density `D_v = D (v·h) G₁/(n·v)`.
+        visible: f32,
     },
 }
 
@@ -96,6 +98,10 @@ impl Scatter {
         let rays = if boundary.is_some() { SpecularRays::default() } else { bsdf.specular_rays(n, wo, entering) };
         let cos_o = n.dot(wo).clamp(0.0, 1.0);
         let mut reflects = Spectrum::BLACK;
+        let facets = |distribution: Distribution, alpha: f32| {
+            let visible = if cos_o > 0.0 { microfacet::g1_over_cosine(distribution, alpha, cos_o) } else { 0.0 };
+            Gloss::Facets { distribution, alpha, visible }
+        };
         let gloss = match &mut bsdf {
             Bsdf::Unlit(_) => Gloss::None,
             Bsdf::Phong(m) => {
@@ -115,15 +121,11 @@ impl Scatter {
                 }
                 let strength = if m.form == Form::Modern { 1.0 } else { 4.0 };
                 reflects = m.specular * m.facet(cos_o) * strength;
-                if m.specular.is_black() && boundary.is_none() {
-                    Gloss::None
-                } else {
-                    Gloss::Facets { distribution: m.distribution, alpha: m.alpha }
-                }
+                if m.specular.is_black() && boundary.is_none() { Gloss::None } else { facets(m.distribution, m.alpha) }
             }
             Bsdf::MetallicRoughness(m) => {
                 reflects = m.facet(cos_o);
-                if m.is_smooth() { Gloss::None } else { Gloss::Facets { distribution: Distribution::Ggx, alpha: m.alpha } }
+                if m.is_smooth() { Gloss::None } else { facets(Distribution::Ggx, m.alpha) }
             }
         };
         if boundary.is_some() {
@@ -214,9 +216,9 @@ impl Scatter {
                     0.0
                 }
             }
-            Gloss::Facets { distribution, alpha } => Angles::new(self.n, self.wo, wi).map_or(0.0, |angles| {
-                self.reflecting(angles.v_h) * microfacet::sample_visible_pdf(distribution, alpha, &angles) / (4.0 * angles.v_h)
-            }),
+            // D_v over 4 (v·h).
+            Gloss::Facets { distribution, alpha, visible } => Angles::new(self.n, self.wo, wi)
+                .map_or(0.0, |angles| self.reflecting(angles.v_h) * microfacet::d(distribution, alpha, &angles) * 0.25 * visible),
         }
     }
 
@@ -261,7 +263,7 @@ impl Scatter {
                 let h = Frame::from_normal(self.n).to_world(power(exponent));
                 (self.wo.dot(h) > 0.0).then(|| mirror::reflect(self.wo, h))
             }
-            Gloss::Facets { distribution, alpha } => {
+            Gloss::Facets { distribution, alpha, .. } => {
                 let frame = Frame::from_normal(self.n);
                 let h = frame.to_world(microfacet::sample_visible(distribution, alpha, frame.to_local(self.wo), u));
                 match self.boundary.filter(|_| choice >= self.reflecting(self.wo.dot(h).clamp(0.0, 1.0))) {
