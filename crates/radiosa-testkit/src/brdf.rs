@@ -82,7 +82,7 @@ pub fn g1(distribution: Distribution, alpha: f64, cos: f64) -> f64 {
     1.0 / (1.0 + lambda(distribution, alpha, cos))
 }
 
-fn lambda(distribution: Distribution, alpha: f64, cos: f64) -> f64 {
+pub(crate) fn lambda(distribution: Distribution, alpha: f64, cos: f64) -> f64 {
     if cos >= 1.0 {
         return 0.0;
     }

@@ -5,6 +5,7 @@ pub mod brdf;
 pub mod form_factor;
 pub mod image;
 pub mod optics;
+pub mod rough_glass;
 pub mod shadow;
 
 use std::path::{Path, PathBuf};

@@ -184,6 +184,8 @@ impl Formulas for Shipped {
                 Facet::Schlick(f0) => scene::Fresnel::Schlick { f0: gray(f0) },
             },
             form,
+            transmission: None,
+            compensation: None,
         });
         f64::from(bsdf.evaluate(vec3(N), vec3(v), vec3(l)).specular.g)
     }

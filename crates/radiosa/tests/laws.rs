@@ -51,6 +51,8 @@ fn members() -> Vec<Member> {
                             shadowing,
                             fresnel,
                             form,
+                            transmission: None,
+                            compensation: None,
                         };
                         members.push(Member {
                             name: format!("{distribution:?} {shadowing:?} {alpha} {fresnel:?} {form:?}"),
@@ -62,6 +64,19 @@ fn members() -> Vec<Member> {
                 }
             }
         }
+    }
+    for alpha in [0.2, 0.9] {
+        let material = scene::Material {
+            model: scene::Model::CookTorrance(scene::CookTorrance {
+                diffuse: scene::ColorMap::constant(Spectrum::BLACK),
+                alpha: scene::ScalarMap::constant(alpha),
+                fresnel: Fresnel::One,
+                ..scene::CookTorrance::default()
+            }),
+            ..scene::Material::default()
+        };
+        let bsdf = Bsdf::resolve(&material, &FactorsOnly).compensated();
+        members.push(Member { name: format!("compensated {alpha}"), bsdf, reciprocal: true, conserving: true });
     }
     for (metallic, roughness, conserving) in [(1.0, 0.3, true), (1.0, 1.0, true), (0.5, 0.3, false), (0.0, 0.3, false)] {
         let material = scene::Material {
@@ -256,6 +271,8 @@ fn a_smooth_metal_is_a_mirror_of_its_colour() {
         occlusion: 1.0,
         absorption: Spectrum::BLACK,
         thick: false,
+        inside: false,
+        compensation: None,
     };
     let bsdf = Bsdf::MetallicRoughness(metal);
     assert!(bsdf.is_specular_only());

@@ -81,6 +81,7 @@ fn cook(form: Form, distribution: Distribution, shadowing: Shadowing, fresnel: F
         shadowing,
         fresnel,
         form,
+        behind: None,
     })
 }
 

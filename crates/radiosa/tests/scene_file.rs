@@ -5,8 +5,8 @@ use std::path::Path;
 use radiosa::import::{self, ImportError, Options, Warning, sample};
 use radiosa::math::{CpuPath, DAffine3, DVec3, Ray, Vec2, Vec3};
 use radiosa::scene::{
-    AlphaMode, Cone, Distribution, EnvironmentRadiance, Filter, Form, Fresnel, Geometry, InstanceId, LightKind, Material, Mesh,
-    Metal, Model, PhongLobe, PhotometricUnit, Projection, Quantity, Scene, Shadowing, TextureSource, Wrap,
+    AlphaMode, Behind, Cone, Distribution, EnvironmentRadiance, Filter, Form, Fresnel, Geometry, InstanceId, LightKind, Material,
+    Mesh, Metal, Model, PhongLobe, PhotometricUnit, Projection, Quantity, Scene, Shadowing, TextureSource, Wrap,
 };
 use radiosa::spectrum::Spectrum;
 use radiosa::transport::World;
@@ -398,6 +398,17 @@ fn materials_become_what_they_say() {
     assert!(glass.fresnel && !glass.thin && glass.diffuse.factor.is_black());
     assert_eq!((glass.mirror, glass.transmission, glass.ior), (Spectrum::WHITE, Spectrum::WHITE, 1.33));
     assert!(phong("thin_glass = { transmission = 0.9 }").thin);
+    let Model::CookTorrance(rough) = material(
+        "glass = { ior = 1.4, alpha = 0.2, distribution = \"beckmann\", shadowing = \"smith\", absorption = 3, priority = 2 }",
+    )
+    .model
+    else {
+        panic!("rough glass has facets")
+    };
+    assert_eq!((rough.distribution, rough.shadowing, rough.alpha.factor), (Distribution::Beckmann, Shadowing::Smith, 0.2));
+    let behind = Behind { weight: Spectrum::WHITE, absorption: Spectrum::gray(3.0), thin: false, priority: 2 };
+    assert_eq!(rough.refraction(), Some((1.4, behind)));
+    assert!(rough.diffuse.factor.is_black());
 
     let cook_torrance = |body: &str| match material(&format!("cook_torrance = {body}")).model {
         Model::CookTorrance(c) => c,

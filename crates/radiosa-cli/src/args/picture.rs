@@ -62,6 +62,10 @@ pub(crate) struct Picture {
     #[arg(long, value_enum, default_value_t = Highlights::Lobe)]
     pub(crate) phong: Highlights,
 
+    /// Give back the light that facets of rough metals and coats reflect more than once, which the microfacet models lose (path tracing)
+    #[arg(long, value_enum, default_value_t = OnOff::Off)]
+    pub(crate) multiple_scattering: OnOff,
+
     /// Whitted ray tracing leaves out a ray of which less than this would reach the picture [default: 1/1024]
     #[arg(long, value_name = "X", default_value_t = 1.0 / 1024.0, value_parser = parse_fraction, hide_default_value = true)]
     pub(crate) min_weight: f32,

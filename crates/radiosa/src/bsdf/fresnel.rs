@@ -73,6 +73,24 @@ pub fn f0_of_ior(eta: f32) -> f32 {
     r * r
 }
 
+/// `F_avg = 2 ∫ F(μ) μ dμ`, by Simpson's rule.
+pub fn mean(of: impl Fn(f32) -> Spectrum) -> Spectrum {
+    const N: u32 = 16;
+    let mut sum = Spectrum::BLACK;
+    for i in 0..=N {
+        let cos = i as f32 / N as f32;
+        let weight = if i == N {
+            1.0
+        } else if i % 2 == 1 {
+            4.0
+        } else {
+            2.0
+        };
+        sum += of(cos) * (2.0 * cos * weight / (3 * N) as f32);
+    }
+    sum
+}
+
 /// Reflectance of one facet under `cos_i = wo·h`, by channel.
 pub fn facet(fresnel: &scene::Fresnel, cos_i: f32) -> Spectrum {
     match *fresnel {

@@ -7,12 +7,17 @@
 //! The specification's way of layering is reciprocal but reflects more than it receives where a smooth coat meets a bright
 //! base at grazing angles; it is kept, so that materials look as their makers saw them.
 //!
-//! The part `transmission` of the base lets light through instead of reflecting it diffusely. Rough transmission is not modelled
-//! here: light is refracted, and inside a body reflected, as if by a smooth surface.
+//! The part `transmission` of the base lets light through instead of reflecting it diffusely: rough where paths are drawn by chance
+//! ([`rough_dielectric`](super::rough_dielectric)), elsewhere refracted, and inside a body reflected, as if by a smooth surface.
+//!
+//! From inside a body the coat reflects what it does from outside under the angle that Snell's law gives, and all beyond the critical angle, so that light finds its
+//! way back as it came.
 
 use std::f32::consts::FRAC_1_PI;
 
 use super::microfacet::{self, Angles, MIN_ALPHA};
+use super::multiple_scattering::Compensation;
+use super::rough_dielectric::Boundary;
 use super::{Lobes, Lookup, SpecularRays, Transmission, dielectric, fresnel, mirror};
 use crate::math::Vec3;
 use crate::scene::{self, Distribution, Shadowing};
@@ -44,6 +49,10 @@ pub struct MetallicRoughness {
     pub absorption: Spectrum,
     /// Has an inside; otherwise it is a sheet.
     pub thick: bool,
+    /// The viewer is inside.
+    pub inside: bool,
+    /// What is reflected more than once, where that is asked for.
+    pub compensation: Option<Compensation>,
 }
 
 impl MetallicRoughness {
@@ -62,6 +71,16 @@ impl MetallicRoughness {
             occlusion: m.occlusion.as_ref().map_or(1.0, |(map, strength)| 1.0 + strength * (unit(map) - 1.0)),
             absorption: m.absorption,
             thick: m.thick,
+            inside: false,
+            compensation: None,
+        }
+    }
+
+    /// Gives back what facets reflect more than once.
+    pub(super) fn compensate(&mut self) {
+        if !self.is_smooth() {
+            let mean = fresnel::mean(|cos| self.facet(cos));
+            self.compensation = Compensation::new(Distribution::Ggx, Shadowing::SmithCorrelated, self.alpha, mean);
         }
     }
 
@@ -76,9 +95,21 @@ impl MetallicRoughness {
         self.thick && self.transmission().is_some()
     }
 
-    /// As rays inside its body meet it: a smooth interface, without highlight or rough lobe ([`Self::specular_rays`]).
-    pub(super) fn met_from_inside(self) -> Self {
+    /// As rays inside its body meet it where nothing is rough: without highlight or rough lobe ([`Self::specular_rays`]).
+    pub(super) fn smooth_from_inside(self) -> Self {
         if self.has_inside() { Self { alpha: 0.0, ..self } } else { self }
+    }
+
+    /// As rays inside its body meet it.
+    pub(super) fn met_from_inside(self) -> Self {
+        Self { inside: self.has_inside(), ..self }
+    }
+
+    /// The boundary where it refracts roughly.
+    pub(super) fn boundary(&self) -> Option<Boundary> {
+        self.transmission().filter(|_| !self.is_smooth())?;
+        let eta = if self.inside { 1.0 / self.ior } else { self.ior };
+        Boundary::new(Distribution::Ggx, Shadowing::SmithCorrelated, self.alpha, self.thick.then_some(eta))
     }
 
     /// The base colour as ambient light shows it, metals included, under the occlusion map.
@@ -105,8 +136,17 @@ impl MetallicRoughness {
 
     /// The coat's and the metal's reflectance together under `cos_h = v·h`.
     pub(super) fn facet(&self, cos_h: f32) -> Spectrum {
-        fresnel::schlick(cos_h, self.f0) * ((1.0 - self.metallic) * self.specular)
-            + fresnel::schlick(cos_h, self.base_color) * self.metallic
+        let coat = if self.inside || (self.ior < 1.0 && self.transmission > 0.0) {
+            self.coat(cos_h) * (1.0 - self.metallic)
+        } else {
+            fresnel::schlick(cos_h, self.f0) * ((1.0 - self.metallic) * self.specular)
+        };
+        coat + fresnel::schlick(cos_h, self.base_color) * self.metallic
+    }
+
+    /// What a facet lets through under `cos_h`.
+    pub(super) fn passing(&self, cos_h: f32) -> Spectrum {
+        self.transmission().map_or(Spectrum::BLACK, |t| t.weight * (1.0 - self.coat(cos_h).max_channel()))
     }
 
     /// Both lobes times `n·wi`.
@@ -122,7 +162,8 @@ impl MetallicRoughness {
         } else {
             let d = microfacet::d(Distribution::Ggx, self.alpha, &angles);
             let g = microfacet::g_over_cosines(Shadowing::SmithCorrelated, Distribution::Ggx, self.alpha, &angles);
-            self.facet(angles.v_h) * (0.25 * d * g * angles.n_l)
+            let again = self.compensation.map_or(Spectrum::BLACK, |c| c.f_cos(angles.n_v, angles.n_l));
+            self.facet(angles.v_h) * (0.25 * d * g * angles.n_l) + again
         };
         Lobes { diffuse, specular }
     }
@@ -144,43 +185,39 @@ impl MetallicRoughness {
         })
     }
 
-    /// What the coat reflects under `cos_o`. Into something thinner there is a critical angle from outside, too, which Schlick's approximation
+    /// What the coat reflects under `cos` on the viewer's side. Into something thinner there is a critical angle from outside, too, which Schlick's approximation
     /// does not know.
-    fn coat_from_outside(&self, cos_o: f32) -> Spectrum {
-        if self.ior < 1.0 {
-            Spectrum::gray(fresnel::dielectric(cos_o, self.ior))
+    fn coat(&self, cos: f32) -> Spectrum {
+        let outside = if self.inside {
+            let sin2 = self.ior * self.ior * ((1.0 - cos) * (1.0 + cos)).max(0.0);
+            if sin2 >= 1.0 {
+                return Spectrum::WHITE;
+            }
+            (1.0 - sin2).sqrt()
         } else {
-            fresnel::schlick(cos_o, self.f0) * self.specular
+            cos
+        };
+        if self.ior < 1.0 {
+            Spectrum::gray(fresnel::dielectric(outside, self.ior))
+        } else {
+            fresnel::schlick(outside, self.f0) * self.specular
         }
     }
 
-    /// The transmitting part, less what the coat reflects under `cos_o` outside, or the interface where light leaves a body.
-    pub(super) fn straight_transmission(&self, cos_o: f32, entering: bool) -> Spectrum {
-        self.transmission().map_or(Spectrum::BLACK, |t| {
-            let is_leaving = !entering && !t.thin;
-            let reflected =
-                if is_leaving { fresnel::dielectric(cos_o, self.ior) } else { self.coat_from_outside(cos_o).max_channel() };
-            t.weight * (1.0 - reflected)
-        })
-    }
-
-    /// The rays of a smooth coat or metal, and through the transmitting part. From inside a body the coat is the exact interface, since
-    /// Schlick's approximation knows no total internal reflection.
+    /// The rays of a smooth coat or metal, and through the transmitting part, also where it is rough: the reflected one only from inside a body then.
     pub fn specular_rays(&self, n: Vec3, wo: Vec3, entering: bool) -> SpecularRays {
         let cos_o = n.dot(wo).clamp(0.0, 1.0);
-        let transmission = self.transmission();
         let from_inside = !entering && self.has_inside();
-        let coat =
-            if from_inside { Spectrum::gray(fresnel::dielectric(cos_o, 1.0 / self.ior)) } else { self.coat_from_outside(cos_o) };
+        let here = Self { inside: from_inside, ..*self };
         let mut rays = SpecularRays::default();
         if self.is_smooth() || from_inside {
-            let weight = coat * (1.0 - self.metallic) + fresnel::schlick(cos_o, self.base_color) * self.metallic;
+            let weight = here.coat(cos_o) * (1.0 - self.metallic) + fresnel::schlick(cos_o, self.base_color) * self.metallic;
             rays.reflected = Some((mirror::reflect(wo, n), weight)).filter(|ray| !ray.1.is_black());
         }
-        if let Some(t) = transmission {
+        if let Some(t) = self.transmission() {
             let eta = if entering { 1.0 / t.ior } else { t.ior };
             let direction = if t.thin { Some(-wo) } else { dielectric::refract(wo, n, eta) };
-            rays.refracted = direction.map(|d| (d, t.weight * (1.0 - coat.max_channel())));
+            rays.refracted = direction.map(|d| (d, here.passing(cos_o)));
         }
         rays
     }

@@ -96,15 +96,21 @@ pub fn sample_d(distribution: Distribution, alpha: f32, u: Vec2) -> Vec3 {
     Vec3::new(sin * function::cos(phi), sin * function::sin(phi), cos)
 }
 
-/// A facet normal around +z by how much of it a viewer in the local direction `wo` (`wo.z > 0`) sees; the density is [`sample_visible_pdf`].
+/// A facet normal around +z by how much of it a viewer in the local direction `wo` (`wo.z > 0`) sees: by `D_v`, those normals that Smith's masking leaves
+/// visible. The density is [`sample_visible_pdf`].
 ///
-/// GGX by `D_v`, the normals that Smith's masking leaves visible, as caps of a sphere [Dupuy23]; Beckmann by `D(h)(n·h)`, as [`sample_d`].
+/// GGX as caps of a sphere [Dupuy23], Beckmann by its slopes ([`visible_slope`]).
 pub fn sample_visible(distribution: Distribution, alpha: f32, wo: Vec3, u: Vec2) -> Vec3 {
-    if distribution == Distribution::Beckmann {
-        return sample_d(distribution, alpha, u);
-    }
-    // Seen in the space where the ellipsoid of GGX is the unit sphere.
+    // Seen in the space where the roughness is one.
     let v = Vec3::new(alpha * wo.x, alpha * wo.y, wo.z).normalize();
+    if distribution == Distribution::Beckmann {
+        let sin = (v.x * v.x + v.y * v.y).sqrt();
+        let (cos_phi, sin_phi) = if sin > 0.0 { (v.x / sin, v.y / sin) } else { (1.0, 0.0) };
+        // Slopes towards the viewer and across.
+        let (x, y) = (visible_slope(sin / v.z, u.x), gaussian_slope(u.y));
+        let slope = Vec2::new(cos_phi * x - sin_phi * y, sin_phi * x + cos_phi * y) * alpha;
+        return Vec3::new(-slope.x, -slope.y, 1.0).normalize();
+    }
     let phi = 2.0 * PI * u.x;
     // (1 − u)(1 + v_z) − v_z, and 1 − z² without cancellation near the pole.
     let down = u.y * (1.0 + v.z);
@@ -113,18 +119,67 @@ pub fn sample_visible(distribution: Distribution, alpha: f32, wo: Vec3, u: Vec2)
     Vec3::new(alpha * h.x, alpha * h.y, h.z.max(0.0)).normalize_or(Vec3::Z)
 }
 
-/// The density of [`sample_visible`], 1/sr of the facet normal: `D_v = G₁ D (v·h)/(n·v)` for GGX, `D (n·h)` for Beckmann.
+/// The density of [`sample_visible`], 1/sr of the facet normal: `D_v = G₁ D (v·h)/(n·v)`. [HeitzEon14]
 pub fn sample_visible_pdf(distribution: Distribution, alpha: f32, angles: &Angles) -> f32 {
-    let density = d(distribution, alpha, angles);
+    d(distribution, alpha, angles) * angles.v_h * g1_over_cosine(distribution, alpha, angles.n_v)
+}
+
+/// `G₁/(n·v)`.
+pub fn g1_over_cosine(distribution: Distribution, alpha: f32, n_v: f32) -> f32 {
     match distribution {
-        Distribution::Beckmann => density * angles.n_h,
-        Distribution::Ggx => {
-            // G₁/(n·v) = 2/(n·v + √(α² + (1 − α²)(n·v)²)).
-            let n_v = angles.n_v;
-            let root = (n_v * n_v + alpha * alpha * ((1.0 - n_v) * (1.0 + n_v)).max(0.0)).sqrt();
-            density * 2.0 * angles.v_h / (n_v + root)
+        Distribution::Beckmann => g1(distribution, alpha, n_v) / n_v,
+        // 2/(n·v + √(α² + (1 − α²)(n·v)²)).
+        Distribution::Ggx => 2.0 / (n_v + (n_v * n_v + alpha * alpha * ((1.0 - n_v) * (1.0 + n_v)).max(0.0)).sqrt()),
+    }
+}
+
+/// The slope of Beckmann's facets of roughness one, in the direction of a viewer at `tan` from the normal: visible slopes `s < 1/tan` have the density
+/// `∝ (1 − s tan) exp(−s²)/√π`.
+///
+/// With `v = (1 + erf s)/2`, which is uniform where everything is visible, their distribution function is `F(v) ∝ v + tan exp(−s²)/(2√π)`, to be solved for
+/// `F(v) = u F_max` [Jakob14]. It is concave: its chord starts beyond the solution, every tangent lies above it, and so Newton's method comes up from below
+/// after its first step, without a bracket.
+fn visible_slope(tan: f32, u: f32) -> f32 {
+    let below = |s: f32| 0.5 * libm::erfcf(-s);
+    let across = tan * (0.5 * FRAC_1_PI.sqrt());
+    // Beyond ±4 there is less of a Gaussian than single precision numbers tell.
+    let last = (1.0 / tan).min(4.0);
+    let most = below(last);
+    let target = u * (most + across * function::exp(-last * last));
+    let mut v = (u * most).max(LEAST_SHARE);
+    let mut s = gaussian_slope(v).min(last);
+    for _ in 0..NEWTON_STEPS {
+        let error = v + across * function::exp(-s * s) - target;
+        let slope = 1.0 - s * tan;
+        if slope <= 0.0 {
+            break;
+        }
+        v = (v - error / slope).clamp(LEAST_SHARE, most);
+        s = gaussian_slope(v).min(last);
+        // Squared by the step that was just made.
+        if error.abs() <= 1e-4 * target {
+            break;
         }
     }
+    s
+}
+
+/// Newton's steps at most; three or four are usual.
+const NEWTON_STEPS: u32 = 16;
+/// The smallest share of a distribution that is told from none.
+const LEAST_SHARE: f32 = 1e-8;
+
+/// The slope `s` with `(1 + erf s)/2 = u`, by Winitzki's estimate, good to 2e-3, and a step of Halley's method (which cubes that) on `erfc`, which keeps its precision
+/// in the tails.
+fn gaussian_slope(u: f32) -> f32 {
+    // By the nearer tail.
+    let tail = 2.0 * u.min(1.0 - u).max(LEAST_SHARE);
+    let log = function::ln(tail * (2.0 - tail));
+    let (a, b) = (0.147, 2.0 / (PI * 0.147) + 0.5 * log);
+    let estimate = ((b * b - log / a).sqrt() - b).max(0.0).sqrt();
+    let step = (libm::erfcf(estimate) - tail) * (0.5 / FRAC_1_PI.sqrt()) * function::exp(estimate * estimate);
+    let s = estimate + step / (1.0 - estimate * step);
+    if u < 0.5 { -s } else { s }
 }
 
 /// `G/((n·l)(n·v))`: shadowing and masking together with the cosines they tame, finite wherever the quotient is.

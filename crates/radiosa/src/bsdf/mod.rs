@@ -3,7 +3,7 @@
 //! A [`Bsdf`] is made from a [`scene::Material`](crate::scene::Material) by [`Bsdf::resolve`] and then answers
 //! [`evaluate`](Bsdf::evaluate), in 1/sr, for the two groups of lobes that a light treats apart: `I_d` lights
 //! [`Lobes::diffuse`] and `I_s` lights [`Lobes::specular`]. Perfect mirrors and glass are not functions of two directions;
-//! they come from [`Bsdf::specular_rays`].
+//! they come from [`Bsdf::specular_rays`]. What a rough boundary lets through from behind is [`Bsdf::refract_cos`].
 //!
 //! Conventions: `wo` points to the viewer, `wi` to the light, both away from the surface and of unit length; `n` is the
 //! shading normal **on the viewer's side**, so a surface that reflects on both sides is asked with `−n` from behind. Every
@@ -21,7 +21,9 @@ pub mod lambert;
 pub mod metallic_roughness;
 pub mod microfacet;
 pub mod mirror;
+pub mod multiple_scattering;
 pub mod phong;
+pub mod rough_dielectric;
 pub mod scatter;
 pub mod texture;
 
@@ -110,7 +112,11 @@ impl Bsdf {
         }
         match &material.model {
             Model::Phong(m) => Self::Phong(phong::Phong::resolve(m, lookup)),
-            Model::CookTorrance(m) => Self::CookTorrance(cook_torrance::CookTorrance::resolve(m, lookup)),
+            Model::CookTorrance(m) => {
+                let rough = cook_torrance::CookTorrance::resolve(m, lookup);
+                let smooth = rough.smooth().filter(|_| lookup.scalar(&m.alpha) < microfacet::MIN_ALPHA);
+                smooth.map_or(Self::CookTorrance(rough), Self::Phong)
+            }
             Model::MetallicRoughness(m) => Self::MetallicRoughness(metallic_roughness::MetallicRoughness::resolve(m, lookup)),
         }
     }
@@ -146,6 +152,43 @@ impl Bsdf {
             Self::Phong(m) => m.evaluate_cos(n, wo, wi),
             Self::CookTorrance(m) => m.evaluate_cos(n, wo, wi),
             Self::MetallicRoughness(m) => m.evaluate_cos(n, wo, wi),
+        }
+    }
+
+    /// `f(wo, wi) |n·wi|` of light that a rough boundary refracts from behind, 1/sr; black where refraction is perfect or there is none. Of radiance over the
+    /// square of the index ([`rough_dielectric`]).
+    pub fn refract_cos(&self, n: Vec3, wo: Vec3, wi: Vec3) -> Spectrum {
+        let Some((boundary, refraction)) = self.boundary().and_then(|b| Some((b, b.between(n, wo, wi)?))) else {
+            return Spectrum::BLACK;
+        };
+        let f = self.passing(refraction.angles.v_h) * boundary.refract_cos(&refraction);
+        if f.is_finite() { f } else { Spectrum::BLACK }
+    }
+
+    /// The boundary that refracts roughly, where it does.
+    pub fn boundary(&self) -> Option<rough_dielectric::Boundary> {
+        match self {
+            Self::Unlit(_) | Self::Phong(_) => None,
+            Self::CookTorrance(m) => m.boundary(),
+            Self::MetallicRoughness(m) => m.boundary(),
+        }
+    }
+
+    /// What a facet of a rough surface reflects under `cos = v·h`.
+    fn facet(&self, cos: f32) -> Spectrum {
+        match self {
+            Self::Unlit(_) | Self::Phong(_) => Spectrum::BLACK,
+            Self::CookTorrance(m) => m.specular * m.facet(cos),
+            Self::MetallicRoughness(m) => m.facet(cos),
+        }
+    }
+
+    /// What a facet of a rough boundary lets through under `cos = v·h`.
+    fn passing(&self, cos: f32) -> Spectrum {
+        match self {
+            Self::Unlit(_) | Self::Phong(_) => Spectrum::BLACK,
+            Self::CookTorrance(m) => m.passing(cos),
+            Self::MetallicRoughness(m) => m.passing(cos),
         }
     }
 
@@ -197,7 +240,8 @@ impl Bsdf {
     /// is missing, and the surface covers what lies behind it unless its alpha says otherwise.
     pub fn transmission(&self) -> Option<Transmission> {
         match self {
-            Self::Unlit(_) | Self::CookTorrance(_) => None,
+            Self::Unlit(_) => None,
+            Self::CookTorrance(m) => m.transmission,
             Self::Phong(m) => m.transmission,
             Self::MetallicRoughness(m) => m.transmission(),
         }
@@ -208,7 +252,7 @@ impl Bsdf {
         match self {
             Self::Unlit(_) => true,
             Self::Phong(m) => m.diffuse.is_black() && m.specular.is_black(),
-            Self::CookTorrance(m) => m.diffuse.is_black() && m.specular.is_black(),
+            Self::CookTorrance(m) => m.diffuse.is_black() && m.specular.is_black() && m.transmission.is_none(),
             Self::MetallicRoughness(m) => m.is_smooth() && m.diffuse_reflectance().is_black(),
         }
     }
@@ -217,7 +261,8 @@ impl Bsdf {
     /// Whitted's model. `n` is on the viewer's side; `entering` tells whether that side is the outside.
     pub fn specular_rays(&self, n: Vec3, wo: Vec3, entering: bool) -> SpecularRays {
         match self {
-            Self::Unlit(_) | Self::CookTorrance(_) => SpecularRays::default(),
+            Self::Unlit(_) => SpecularRays::default(),
+            Self::CookTorrance(m) => m.specular_rays(n, wo, entering),
             Self::Phong(m) => dielectric::specular_rays(m.mirror_at(n.dot(wo)), m.fresnel, m.transmission, n, wo, entering),
             Self::MetallicRoughness(m) => m.specular_rays(n, wo, entering),
         }
@@ -226,7 +271,8 @@ impl Bsdf {
     /// The same surface with a medium of index `surroundings` instead of vacuum outside.
     pub fn within(mut self, surroundings: f32) -> Self {
         match &mut self {
-            Self::Unlit(_) | Self::CookTorrance(_) => {}
+            Self::Unlit(_) => {}
+            Self::CookTorrance(m) => m.surround(surroundings),
             Self::Phong(m) => {
                 m.transmission.iter_mut().for_each(|t| t.ior /= surroundings);
                 m.fresnel.iter_mut().for_each(|ior| *ior /= surroundings);
@@ -242,15 +288,14 @@ impl Bsdf {
     }
 
     /// What passes straight through a surface seen from `wo`: `k_t`, less what its facets reflect where the material is weighed by them (constants
-    /// are taken as they are). `n` and `entering` as in [`Self::specular_rays`], `surroundings` the index of what is around the body.
+    /// are taken as they are). `n` as in [`Self::specular_rays`], `surroundings` the index of what is around the body.
     ///
     /// A straight ray cannot tell at which angle a refracted one would meet a face. It is taken to run through parallel layers, in which `n sin θ`
     /// is the same everywhere, with `wo` its direction in vacuum: `sin θ = sin(n, wo) / surroundings` around the body.
-    pub fn straight_transmission(&self, n: Vec3, wo: Vec3, entering: bool, surroundings: f32) -> Spectrum {
+    pub fn straight_transmission(&self, n: Vec3, wo: Vec3, surroundings: f32) -> Spectrum {
         let of = |bsdf: &Self, cos: f32| match bsdf {
-            Self::Unlit(_) | Self::CookTorrance(_) => Spectrum::BLACK,
             Self::Phong(m) => m.straight_transmission(cos),
-            Self::MetallicRoughness(m) => m.straight_transmission(cos, entering),
+            bsdf => bsdf.passing(cos),
         };
         let cos = n.dot(wo).clamp(0.0, 1.0);
         if surroundings == 1.0 {
@@ -275,10 +320,48 @@ impl Bsdf {
         self
     }
 
-    /// The same as rays inside its body meet it, where it has an inside: what reflects perfectly there ([`Self::specular_rays`]) must not do so once
-    /// more as a rough lobe or a highlight.
+    /// The same as rays inside its body meet it, where it has an inside, for methods that refract as if by a smooth surface: what reflects perfectly there
+    /// ([`Self::specular_rays`]) must not do so once more as a rough lobe or a highlight.
+    pub fn smooth_from_inside(self) -> Self {
+        match self {
+            Self::CookTorrance(m) => m.smooth_from_inside().map_or(self, Self::Phong),
+            Self::MetallicRoughness(m) => Self::MetallicRoughness(m.smooth_from_inside()),
+            bsdf => bsdf,
+        }
+    }
+
+    /// The same as rays inside its body meet it, where it has an inside.
     pub fn met_from_inside(self) -> Self {
-        if let Self::MetallicRoughness(m) = self { Self::MetallicRoughness(m.met_from_inside()) } else { self }
+        match self {
+            _ if self.boundary().is_none() => self.smooth_from_inside(),
+            Self::CookTorrance(m) => Self::CookTorrance(m.met_from_inside()),
+            Self::MetallicRoughness(m) => Self::MetallicRoughness(m.met_from_inside()),
+            bsdf => bsdf,
+        }
+    }
+
+    /// The same with a lobe that gives back what its facets reflect more than once ([`multiple_scattering`]): of Cook–Torrance in its modern form and of rough
+    /// metallic–roughness, unless they refract.
+    pub fn compensated(mut self) -> Self {
+        if self.boundary().is_some() {
+            return self;
+        }
+        match &mut self {
+            Self::Unlit(_) | Self::Phong(_) => {}
+            Self::CookTorrance(m) => m.compensate(),
+            Self::MetallicRoughness(m) => m.compensate(),
+        }
+        self
+    }
+
+    /// The part that the lobe for multiple scattering reflects of light at `cos` from the normal.
+    fn reflected_again(&self, cos: f32) -> Spectrum {
+        let of = match self {
+            Self::Unlit(_) | Self::Phong(_) => None,
+            Self::CookTorrance(m) => m.compensation.map(|c| m.specular * c.albedo(cos)),
+            Self::MetallicRoughness(m) => m.compensation.map(|c| c.albedo(cos)),
+        };
+        of.unwrap_or(Spectrum::BLACK)
     }
 
     /// The same with lobes at least as rough as `alpha`: what a rough mirror shows of a sharp highlight is not sharp, and a few rays

@@ -10,11 +10,13 @@
 //! p(wi) = P_d (n·wi)/π + P_g p_g(wi)
 //! ```
 //!
-//! with `p_g` of [`microfacet`] (visible normals for GGX, [Dupuy23]) or of the powers of a cosine that [`phong`] has.
+//! with `p_g` of [`microfacet`]'s visible normals or of the powers of a cosine that [`phong`] has. A facet of a rough boundary
+//! ([`rough_dielectric`](super::rough_dielectric)) reflects or refracts by chance, as it does with light.
 
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
 
 use super::microfacet::{self, Angles};
+use super::rough_dielectric::Boundary;
 use super::{Bsdf, Lobes, SpecularRays, lambert, mirror, phong};
 use crate::math::{Frame, Vec2, Vec3, function};
 use crate::sampling::warp;
@@ -38,6 +40,8 @@ pub struct Scatter {
     n: Vec3,
     wo: Vec3,
     gloss: Gloss,
+    /// Of the facets, where they refract.
+    boundary: Option<Boundary>,
     rays: SpecularRays,
     /// Of drawing the diffuse lobe, the glossy one, the reflected and the refracted ray.
     p: [f32; 4],
@@ -56,20 +60,22 @@ enum Gloss {
     Facets {
         distribution: Distribution,
         alpha: f32,
+        /// `G₁/(n·v)`: a facet normal is drawn with the density `D_v = D (v·h) G₁/(n·v)`.
+        visible: f32,
     },
 }
 
 /// How a direction was drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Way {
-    /// By the rough lobes, with this density, 1/sr.
+    /// By the rough lobes, with this density, 1/sr. It goes through the surface where `n·wi < 0`.
     Rough {
         /// Of all rough lobes together.
         pdf: f32,
     },
     /// The perfectly reflected ray.
     Reflected,
-    /// The perfectly refracted ray, or the one that passes a sheet.
+    /// The perfectly refracted ray, or the one that passes a clear sheet.
     Refracted,
 }
 
@@ -85,11 +91,17 @@ pub struct Scattered {
 }
 
 impl Scatter {
-    /// Of a surface seen along `wo` (unit, to the viewer) whose shading normal on that side is `n`; `entering` tells whether that side is the outside.
+    /// Of a surface seen along `wo` (unit, to the viewer) whose shading normal on that side is `n`; `entering` tells whether that side is the outside. From inside
+    /// a body it has to be [`Bsdf::met_from_inside`].
     pub fn new(mut bsdf: Bsdf, n: Vec3, wo: Vec3, entering: bool, highlights: Highlights) -> Self {
-        let rays = bsdf.specular_rays(n, wo, entering);
+        let boundary = bsdf.boundary();
+        let rays = if boundary.is_some() { SpecularRays::default() } else { bsdf.specular_rays(n, wo, entering) };
         let cos_o = n.dot(wo).clamp(0.0, 1.0);
         let mut reflects = Spectrum::BLACK;
+        let facets = |distribution: Distribution, alpha: f32| {
+            let visible = if cos_o > 0.0 { microfacet::g1_over_cosine(distribution, alpha, cos_o) } else { 0.0 };
+            Gloss::Facets { distribution, alpha, visible }
+        };
         let gloss = match &mut bsdf {
             Bsdf::Unlit(_) => Gloss::None,
             Bsdf::Phong(m) => {
@@ -108,21 +120,25 @@ impl Scatter {
                     m.form = Form::Modern;
                 }
                 let strength = if m.form == Form::Modern { 1.0 } else { 4.0 };
-                reflects = m.specular * super::fresnel::facet(&m.fresnel, cos_o) * strength;
-                if m.specular.is_black() { Gloss::None } else { Gloss::Facets { distribution: m.distribution, alpha: m.alpha } }
+                reflects = m.specular * m.facet(cos_o) * strength;
+                if m.specular.is_black() && boundary.is_none() { Gloss::None } else { facets(m.distribution, m.alpha) }
             }
             Bsdf::MetallicRoughness(m) => {
                 reflects = m.facet(cos_o);
-                if m.is_smooth() { Gloss::None } else { Gloss::Facets { distribution: Distribution::Ggx, alpha: m.alpha } }
+                if m.is_smooth() { Gloss::None } else { facets(Distribution::Ggx, m.alpha) }
             }
         };
+        if boundary.is_some() {
+            reflects += bsdf.passing(cos_o);
+        }
         let ray = |ray: Option<(Vec3, Spectrum)>| ray.map_or(0.0, |(_, weight)| weight.luminance().max(0.0));
-        let diffuse = bsdf.diffuse_reflectance().luminance();
+        // Both are drawn by the cosine.
+        let diffuse = bsdf.diffuse_reflectance().luminance() + bsdf.reflected_again(cos_o).luminance();
         let glossy = if gloss == Gloss::None || cos_o <= 0.0 { 0.0 } else { reflects.luminance().max(LEAST * diffuse).max(1e-6) };
         let of = [diffuse, glossy, ray(rays.reflected), ray(rays.refracted)];
         let sum: f32 = of.iter().sum();
         let p = if sum > 0.0 && sum.is_finite() { of.map(|w| w / sum) } else { [0.0; 4] };
-        Self { bsdf, n, wo, gloss, rays, p }
+        Self { bsdf, n, wo, gloss, boundary, rays, p }
     }
 
     /// Nothing but perfect rays goes on: no direction can be looked in.
@@ -130,11 +146,29 @@ impl Scatter {
         self.p[0] + self.p[1] <= 0.0
     }
 
-    /// `f(wo, wi) (n·wi)⁺` and the density with which [`Self::sample`] draws `wi` by the rough lobes.
+    /// How often, about, a rough lobe sends a direction through the surface: 0 where none does, else neither never nor always.
+    pub fn share_through(&self) -> f32 {
+        if self.boundary.is_none() || self.p[1] <= 0.0 {
+            return 0.0;
+        }
+        let through = self.p[1] * (1.0 - self.reflecting(self.n.dot(self.wo).clamp(0.0, 1.0)));
+        (through / (self.p[0] + self.p[1])).clamp(LEAST, 1.0 - LEAST)
+    }
+
+    /// How often a facet under `cos = v·h` is taken to reflect.
+    fn reflecting(&self, cos: f32) -> f32 {
+        if self.boundary.is_none() {
+            return 1.0;
+        }
+        let (reflected, passing) = (self.bsdf.facet(cos).luminance(), self.bsdf.passing(cos).luminance());
+        if passing > 0.0 { reflected / (reflected + passing) } else { 1.0 }
+    }
+
+    /// `f(wo, wi) |n·wi|`, from behind of rough refraction, and the density with which [`Self::sample`] draws `wi` by the rough lobes.
     pub fn evaluate(&self, wi: Vec3) -> (Lobes, f32) {
         let cos_i = self.n.dot(wi);
         if cos_i <= 0.0 {
-            return (Lobes::BLACK, 0.0);
+            return self.through(wi);
         }
         let lobes = match (&self.bsdf, self.gloss) {
             (Bsdf::Phong(m), gloss) => {
@@ -143,6 +177,17 @@ impl Scatter {
             (bsdf, _) => bsdf.evaluate_cos(self.n, self.wo, wi),
         };
         (lobes, self.p[0] * cos_i * FRAC_1_PI + if self.p[1] > 0.0 { self.p[1] * self.gloss_pdf(wi) } else { 0.0 })
+    }
+
+    /// What is refracted from `wi`, behind the surface, and its density.
+    fn through(&self, wi: Vec3) -> (Lobes, f32) {
+        let nothing = (Lobes::BLACK, 0.0);
+        let Some(boundary) = self.boundary.filter(|_| self.p[1] > 0.0) else { return nothing };
+        let Some(refraction) = boundary.between(self.n, self.wo, wi) else { return nothing };
+        let cos = refraction.angles.v_h;
+        let f = self.bsdf.passing(cos) * boundary.refract_cos(&refraction);
+        let pdf = self.p[1] * (1.0 - self.reflecting(cos)) * boundary.pdf(&refraction);
+        if f.is_finite() && pdf.is_finite() { (Lobes { diffuse: Spectrum::BLACK, specular: f }, pdf) } else { nothing }
     }
 
     /// The value of a power of a cosine, 1/sr.
@@ -171,19 +216,20 @@ impl Scatter {
                     0.0
                 }
             }
-            Gloss::Facets { distribution, alpha } => Angles::new(self.n, self.wo, wi)
-                .map_or(0.0, |angles| microfacet::sample_visible_pdf(distribution, alpha, &angles) / (4.0 * angles.v_h)),
+            // D_v over 4 (v·h).
+            Gloss::Facets { distribution, alpha, visible } => Angles::new(self.n, self.wo, wi)
+                .map_or(0.0, |angles| self.reflecting(angles.v_h) * microfacet::d(distribution, alpha, &angles) * 0.25 * visible),
         }
     }
 
-    /// A direction by two uniform numbers, of the lobe that `choice` in `[0, 1)` chooses; `None` where nothing is reflected, or it would leave through the
-    /// surface.
+    /// A direction by two uniform numbers, of the lobe that `choice` in `[0, 1)` chooses; `None` where nothing is reflected, or it would leave on the side where
+    /// its lobe is not.
     pub fn sample(&self, u: Vec2, choice: f32) -> Option<Scattered> {
         let [diffuse, gloss, reflected, _] = self.p;
         let wi = if choice < diffuse {
             Frame::from_normal(self.n).to_world(warp::cosine_hemisphere(u))
         } else if choice < diffuse + gloss {
-            self.sample_gloss(u)?
+            self.sample_gloss(u, (choice - diffuse) / gloss)?
         } else {
             let is_reflected = choice < diffuse + gloss + reflected || self.p[3] <= 0.0;
             let (ray, p, way) = if is_reflected {
@@ -199,7 +245,8 @@ impl Scatter {
         (pdf > 0.0 && weight.sum().is_finite()).then_some(Scattered { wi, way: Way::Rough { pdf }, weight })
     }
 
-    fn sample_gloss(&self, u: Vec2) -> Option<Vec3> {
+    /// A direction of the glossy lobe; `choice` in `[0, 1)` tells whether a facet reflects.
+    fn sample_gloss(&self, u: Vec2, choice: f32) -> Option<Vec3> {
         // Around +z by cosⁿ: the density is (n + 1)/(2π) cosⁿ.
         let power = |exponent: f32| {
             let cos = function::pow(1.0 - u.x, 1.0 / (exponent + 1.0));
@@ -216,14 +263,18 @@ impl Scatter {
                 let h = Frame::from_normal(self.n).to_world(power(exponent));
                 (self.wo.dot(h) > 0.0).then(|| mirror::reflect(self.wo, h))
             }
-            Gloss::Facets { distribution, alpha } => {
+            Gloss::Facets { distribution, alpha, .. } => {
                 let frame = Frame::from_normal(self.n);
                 let h = frame.to_world(microfacet::sample_visible(distribution, alpha, frame.to_local(self.wo), u));
-                Some(mirror::reflect(self.wo, h))
+                match self.boundary.filter(|_| choice >= self.reflecting(self.wo.dot(h).clamp(0.0, 1.0))) {
+                    None => Some(mirror::reflect(self.wo, h)).filter(|wi| self.n.dot(*wi) > 0.0),
+                    Some(boundary) => boundary.refract(self.n, self.wo, h).filter(|wi| self.n.dot(*wi) < 0.0),
+                }
             }
         }
     }
 }
 
-/// A glossy lobe is drawn at least this part as often as the diffuse one: towards grazing angles it reflects more than the estimate has.
+/// A glossy lobe is drawn at least this part as often as the diffuse one: towards grazing angles it reflects more than the estimate has. And light is looked for at
+/// least as often on each side of a rough boundary.
 const LEAST: f32 = 0.1;

@@ -237,7 +237,7 @@ impl<'a> FinalGather<'a> {
             let open_here = open * shading.coverage;
             let through = reach.through * open_here;
             light += open_here * self.leaving(&met, Reach { key, through, ..reach }, n_rays);
-            let glass = shading.straight_transmission(&surface);
+            let glass = shading.straight_transmission();
             open = open * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
             if open.max_channel() < NEGLIGIBLE {
                 break;

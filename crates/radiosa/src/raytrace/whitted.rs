@@ -400,7 +400,7 @@ impl Tracer<'_> {
             shading.bsdf = shading.bsdf.at_least_as_rough(reach.roughness);
         }
         if !entering {
-            shading.bsdf = shading.bsdf.met_from_inside();
+            shading.bsdf = shading.bsdf.smooth_from_inside();
         }
         if settings.viewer == Viewer::Infinite {
             shading.wo = self.method.to_viewer;

@@ -185,7 +185,7 @@ impl Drawing<'_> {
     /// Notes what a point shows beside its light.
     fn note(&self, surface: &Surface, item: u32, shown: &mut Vec<Shown>, data: &mut Vec<Data>) -> Shading {
         let mut shading = self.world.shading(surface, self.to_viewer(surface));
-        let glass = if self.is_transparent(item) { shading.straight_transmission(surface) } else { Spectrum::BLACK };
+        let glass = if self.is_transparent(item) { shading.straight_transmission() } else { Spectrum::BLACK };
         self.look_from_afar(&mut shading);
         let emission = shading.shown();
         shown.push(Shown { emission, coverage: shading.coverage, glass });

@@ -160,6 +160,21 @@ pub struct CookTorrance {
     pub fresnel: Fresnel,
     /// Normalisation.
     pub form: Form,
+    /// A dielectric ([`Fresnel::Dielectric`]) lets light through: rough glass. Without meaning for others.
+    pub behind: Option<Behind>,
+}
+
+/// What lies behind a rough surface that lets light through.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Behind {
+    /// `k_t`: multiplies what Fresnel's equations let through.
+    pub weight: Spectrum,
+    /// Absorption inside (Beer), 1/m.
+    pub absorption: Spectrum,
+    /// A sheet: light is scattered, but goes on as it came.
+    pub thin: bool,
+    /// Nested dielectrics: the higher priority wins where two overlap.
+    pub priority: i32,
 }
 
 /// Distribution of microfacet normals.
@@ -316,6 +331,17 @@ impl Default for CookTorrance {
             shadowing: Shadowing::SmithCorrelated,
             fresnel: Fresnel::Dielectric { ior: 1.5 },
             form: Form::Modern,
+            behind: None,
+        }
+    }
+}
+
+impl CookTorrance {
+    /// Index and what lies behind, of a dielectric that lets light through.
+    pub fn refraction(&self) -> Option<(f32, Behind)> {
+        match self.fresnel {
+            Fresnel::Dielectric { ior } => self.behind.filter(|behind| !behind.weight.is_black()).map(|behind| (ior, behind)),
+            _ => None,
         }
     }
 }
@@ -425,7 +451,7 @@ impl Material {
     pub fn transmits(&self) -> bool {
         match &self.model {
             Model::Phong(m) => !m.transmission.is_black(),
-            Model::CookTorrance(_) => false,
+            Model::CookTorrance(m) => m.refraction().is_some(),
             Model::MetallicRoughness(m) => m.transmission.factor > 0.0,
         }
     }
@@ -434,7 +460,7 @@ impl Material {
     pub fn has_inside(&self) -> bool {
         match &self.model {
             Model::Phong(m) => !m.thin,
-            Model::CookTorrance(_) => false,
+            Model::CookTorrance(m) => m.refraction().is_some_and(|(_, behind)| !behind.thin),
             Model::MetallicRoughness(m) => m.thick,
         }
     }

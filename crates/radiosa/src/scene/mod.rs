@@ -13,8 +13,8 @@ mod validate;
 pub use camera::{Camera, Lens, Projection};
 pub use light::{Attenuation, Cone, Directional, Environment, EnvironmentRadiance, Light, LightKind, PhotometricUnit};
 pub use material::{
-    Alpha, AlphaMode, ColorMap, CookTorrance, Distribution, Form, Fresnel, Material, Metal, MetallicRoughness, Model, NormalMap,
-    Phong, PhongLobe, ScalarMap, Shadowing,
+    Alpha, AlphaMode, Behind, ColorMap, CookTorrance, Distribution, Form, Fresnel, Material, Metal, MetallicRoughness, Model,
+    NormalMap, Phong, PhongLobe, ScalarMap, Shadowing,
 };
 pub use mesh::{Mesh, MeshSource, Polygons};
 pub use texture::{Filter, Image, Pixels, Sampler, Texture, TextureRef, TextureSource, UvTransform, Wrap};

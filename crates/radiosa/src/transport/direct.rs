@@ -3,6 +3,7 @@
 
 use super::media::{self, Media};
 use super::{Glass, Passage, Shading, Surface, World};
+use crate::bsdf::Lobes;
 use crate::bsdf::fresnel::Weighing;
 use crate::emitter::area;
 use crate::emitter::environment::Sky;
@@ -87,6 +88,26 @@ pub struct LocalLight {
     pub diffuse: Spectrum,
     /// Highlights.
     pub specular: Spectrum,
+}
+
+/// What lights a surface.
+struct Sources<'a> {
+    emitters: &'a [Emitter],
+    points: &'a [Option<Incident>],
+    side: Side,
+}
+
+impl<'a> Sources<'a> {
+    fn in_front(emitters: &'a [Emitter]) -> Self {
+        Self { emitters, points: &[], side: Side::Front }
+    }
+}
+
+/// The side of a surface from which it is lit: the viewer's, or the other.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Side {
+    Front,
+    Behind,
 }
 
 impl Lights {
@@ -214,7 +235,21 @@ impl Lights {
     /// What every light does at a surface in vacuum; `n_rays` grows by the shadow rays traced (none when `shadows` is off).
     pub fn at(&self, world: &World, surface: &Surface, shading: &Shading, shadows: bool, n_rays: &mut u64) -> LocalLight {
         let passage = shadows.then_some(Passage { glass: self.glass, media: &Media::VACUUM });
-        self.gather(world, surface, shading, passage, (&self.emitters, &[]), n_rays)
+        self.gather(world, surface, shading, passage, Sources::in_front(&self.emitters), n_rays)
+    }
+
+    /// What a rough boundary refracts of every light behind it, within the bodies that are there.
+    pub(crate) fn refracted(
+        &self,
+        world: &World,
+        surface: &Surface,
+        shading: &Shading,
+        behind: &Media,
+        n_rays: &mut u64,
+    ) -> Spectrum {
+        let passage = Some(Passage { glass: self.glass, media: behind });
+        let sources = Sources { emitters: &self.emitters, points: &[], side: Side::Behind };
+        self.gather(world, surface, shading, passage, sources, n_rays).specular
     }
 
     /// The irradiance of a surface from the side of `n` (unit), W/m² or lux, with shadows: π times the radiance of a white one.
@@ -235,7 +270,7 @@ impl Lights {
     ) -> LocalLight {
         let passage = shadows_in.map(|media| Passage { glass: self.glass, media });
         let Some(sampler) = &self.random_points else {
-            return self.gather(world, surface, shading, passage, (&self.emitters, &[]), n_rays);
+            return self.gather(world, surface, shading, passage, Sources::in_front(&self.emitters), n_rays);
         };
         // A few at a time, so that nothing is allocated.
         let mut light = LocalLight::default();
@@ -248,7 +283,8 @@ impl Lights {
                 *point = place.incident(start.wrapping_add(first + i as u32), n, key);
             }
             let emitters = if first == 0 { &self.emitters[..] } else { &[] };
-            let part = self.gather(world, surface, shading, passage, (emitters, &points[..here as usize]), n_rays);
+            let sources = Sources { emitters, points: &points[..here as usize], side: Side::Front };
+            let part = self.gather(world, surface, shading, passage, sources, n_rays);
             light.diffuse += part.diffuse;
             light.specular += part.specular;
             light.ambient = part.ambient;
@@ -263,7 +299,7 @@ impl Lights {
         surface: &Surface,
         shading: &Shading,
         passage: Option<Passage<'_>>,
-        (emitters, points): (&[Emitter], &[Option<Incident>]),
+        Sources { emitters, points, side }: Sources<'_>,
         n_rays: &mut u64,
     ) -> LocalLight {
         let mut light = LocalLight { ambient: shading.bsdf.ambient() * self.ambient, ..LocalLight::default() };
@@ -271,7 +307,9 @@ impl Lights {
             return light;
         }
         let mut batch: Option<Batch> = None;
-        let p = if passage.is_some() { world.shadow_origin(surface, shading.n) } else { surface.p };
+        // On the side the light comes from.
+        let n = if side == Side::Front { shading.n } else { -shading.n };
+        let p = if passage.is_some() { world.shadow_origin(surface, n) } else { surface.p };
         // Where shadow rays leave to either side: the same for every light.
         let mut origins: [Option<Vec3>; 2] = [None; 2];
         let mut shadow_ray = |incident: &Incident| {
@@ -282,10 +320,13 @@ impl Lights {
             incident.target.map_or(Ray::new(origin, incident.wi), |target| super::surface::shadow_ray(origin, target))
         };
         let mut reflect = |incident: Incident, light: &mut LocalLight| {
-            if shading.n.dot(incident.wi) <= 0.0 {
+            if n.dot(incident.wi) <= 0.0 {
                 return;
             }
-            let lobes = shading.bsdf.evaluate_cos(shading.n, shading.wo, incident.wi);
+            let lobes = match side {
+                Side::Front => shading.bsdf.evaluate_cos(shading.n, shading.wo, incident.wi),
+                Side::Behind => Lobes { specular: shading.bsdf.refract_cos(shading.n, shading.wo, incident.wi), ..Lobes::BLACK },
+            };
             let (mut diffuse, mut specular) = (lobes.diffuse * incident.diffuse, lobes.specular * incident.specular);
             if !self.absorption.is_black() && incident.distance.is_finite() {
                 let left = media::transmittance(self.absorption, incident.distance);
@@ -320,7 +361,9 @@ impl Lights {
                 continue;
             }
             // Light from everywhere at once: the diffuse lobe under its irradiance, no highlight.
-            light.diffuse += lambertian_radiance(shading.bsdf.diffuse_reflectance(), emitter.irradiance(shading.n));
+            if side == Side::Front {
+                light.diffuse += lambertian_radiance(shading.bsdf.diffuse_reflectance(), emitter.irradiance(shading.n));
+            }
             emitter.for_each_incident(surface.p, &mut |incident| reflect(incident, &mut light));
         }
         for incident in points.iter().copied().flatten() {

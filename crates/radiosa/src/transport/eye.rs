@@ -61,7 +61,7 @@ impl Straight {
             surface.width = self.footprint.width(travelled, surface.ng.dot(wo));
             let shading = world.shading(&surface, wo);
             record(&mut pixel, world, &surface, &shading, travelled);
-            let (glass, coverage) = (shading.straight_transmission(&surface), shading.coverage);
+            let (glass, coverage) = (shading.straight_transmission(), shading.coverage);
             let weight = open * coverage;
             let emission = weight * shading.shown();
             let (light, indirect) = light(&hit, &surface, shading, n_rays);

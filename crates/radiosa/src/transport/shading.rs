@@ -52,8 +52,8 @@ impl Shading {
     }
 
     /// What passes straight through, seen from `wo` in vacuum ([`Bsdf::straight_transmission`]).
-    pub fn straight_transmission(&self, surface: &Surface) -> Spectrum {
-        self.bsdf.straight_transmission(self.n, self.wo, surface.is_front(self.wo), 1.0)
+    pub fn straight_transmission(&self) -> Spectrum {
+        self.bsdf.straight_transmission(self.n, self.wo, 1.0)
     }
 }
 
@@ -62,7 +62,7 @@ impl Shading {
 pub enum Glass {
     /// Transparent things cast shadows like opaque ones; holes of masks and of coverage stay holes.
     Opaque,
-    /// Light passes sheets, which do not bend it, as the materials say; bodies cast full shadows.
+    /// Light passes clear sheets, which do not bend it, as the materials say; bodies and rough sheets cast full shadows.
     Sheets,
     /// Light passes straight, filtered by the surfaces, whose constants are weighed so, and by the bodies.
     Clear(Weighing),
@@ -122,9 +122,9 @@ impl<'a> Filtered<'a> {
             (Glass::Opaque, _) => Spectrum::BLACK,
             // Hidden in a body of higher priority: there is no surface here.
             (_, None) => Spectrum::WHITE,
-            (Glass::Sheets, Some(_)) if body.is_some() => Spectrum::BLACK,
-            (Glass::Sheets, Some(ior)) => shading.bsdf.straight_transmission(shading.n, self.wo, entering, ior),
-            (Glass::Clear(by), Some(ior)) => shading.bsdf.weighed(by).straight_transmission(shading.n, self.wo, entering, ior),
+            (Glass::Sheets, Some(_)) if body.is_some() || shading.bsdf.boundary().is_some() => Spectrum::BLACK,
+            (Glass::Sheets, Some(ior)) => shading.bsdf.straight_transmission(shading.n, self.wo, ior),
+            (Glass::Clear(by), Some(ior)) => shading.bsdf.weighed(by).straight_transmission(shading.n, self.wo, ior),
         };
         let open = Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage;
         self.passed = self.passed * media::transmittance_of(through.as_ref(), distance) * open;

@@ -8,8 +8,8 @@ use super::value::{At, Color, Exponent, Fraction, Index, NonNegative, Number, Or
 use crate::import::ImportError;
 use crate::math::{DVec2, Vec2};
 use crate::scene::{
-    Alpha, AlphaMode, ColorMap, CookTorrance, Distribution, Filter, Form, Fresnel, Material, Metal, MetallicRoughness, Model,
-    NormalMap, Phong, PhongLobe, Sampler, ScalarMap, Shadowing, Texture, TextureRef, TextureSource, UvTransform, Wrap,
+    Alpha, AlphaMode, Behind, ColorMap, CookTorrance, Distribution, Filter, Form, Fresnel, Material, Metal, MetallicRoughness,
+    Model, NormalMap, Phong, PhongLobe, Sampler, ScalarMap, Shadowing, Texture, TextureRef, TextureSource, UvTransform, Wrap,
 };
 use crate::spectrum::Spectrum;
 
@@ -32,7 +32,7 @@ pub(super) struct MaterialTable {
     metallic_roughness: Option<MetallicRoughnessTable>,
     /// A perfect mirror of this reflectance.
     mirror: Option<Color>,
-    /// Clear glass with an inside: reflects and refracts by Fresnel's equations.
+    /// Glass with an inside: reflects and refracts by Fresnel's equations.
     glass: Option<GlassTable>,
     /// A sheet of glass without an inside: light goes straight on.
     thin_glass: Option<GlassTable>,
@@ -165,7 +165,7 @@ struct PhongTable {
     priority: Option<Priority>,
 }
 
-/// Glass.
+/// Glass, smooth or rough.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct GlassTable {
@@ -179,6 +179,12 @@ struct GlassTable {
     absorption: Option<Color>,
     /// Where two insides overlap the higher priority wins; 0 when not given.
     priority: Option<Priority>,
+    /// Roughness α of its facets (not squared again); smooth when not given.
+    alpha: Option<Positive>,
+    /// Distribution of facet normals of rough glass, D; `"ggx"` when not given.
+    distribution: Option<DistributionKind>,
+    /// Shadowing and masking of rough glass, G; `"smith-correlated"` when not given.
+    shadowing: Option<ShadowingKind>,
 }
 
 /// Cook and Torrance's model.
@@ -562,17 +568,7 @@ impl MaterialTable {
                     "use `transmission` to tint it, or `glass`",
                 ));
             }
-            Model::Phong(Phong {
-                diffuse: black(),
-                mirror: g.reflection.map_or(Spectrum::WHITE, |c| c.0),
-                transmission: g.transmission.map_or(Spectrum::WHITE, |c| c.0),
-                ior: g.ior.map_or(1.5, |i| i.0 as f32),
-                fresnel: true,
-                absorption: r.per_metre(g.absorption),
-                thin,
-                priority: g.priority.map_or(0, |p| p.0 as i32),
-                ..Phong::default()
-            })
+            g.build(thin, span, r)?
         } else {
             return Ok(None);
         }))
@@ -596,6 +592,58 @@ impl PhongTable {
             thin: self.thin,
             priority: self.priority.map_or(0, |p| p.0 as i32),
         }))
+    }
+}
+
+impl GlassTable {
+    fn build(&self, thin: bool, span: &std::ops::Range<usize>, r: &mut Reading<'_>) -> Result<Model, ImportError> {
+        let reflection = self.reflection.map_or(Spectrum::WHITE, |c| c.0);
+        let weight = self.transmission.map_or(Spectrum::WHITE, |c| c.0);
+        let ior = self.ior.map_or(1.5, |i| i.0 as f32);
+        let absorption = r.per_metre(self.absorption);
+        let priority = self.priority.map_or(0, |p| p.0 as i32);
+        let black = ColorMap::constant(Spectrum::BLACK);
+        Ok(match self.alpha.map(|a| a.0 as f32) {
+            None if self.distribution.is_some() || self.shadowing.is_some() => {
+                return Err(r.text.error(span, "smooth glass has no facets", "give its roughness as `alpha`"));
+            }
+            Some(alpha) => Model::CookTorrance(CookTorrance {
+                diffuse: black,
+                specular: ColorMap::constant(reflection),
+                alpha: ScalarMap::constant(alpha),
+                distribution: distribution(self.distribution),
+                shadowing: shadowing(self.shadowing),
+                fresnel: Fresnel::Dielectric { ior },
+                behind: Some(Behind { weight, absorption, thin, priority }),
+                ..CookTorrance::default()
+            }),
+            None => Model::Phong(Phong {
+                diffuse: black,
+                mirror: reflection,
+                transmission: weight,
+                ior,
+                fresnel: true,
+                absorption,
+                thin,
+                priority,
+                ..Phong::default()
+            }),
+        })
+    }
+}
+
+fn distribution(kind: Option<DistributionKind>) -> Distribution {
+    match kind {
+        Some(DistributionKind::Beckmann) => Distribution::Beckmann,
+        None | Some(DistributionKind::Ggx) => Distribution::Ggx,
+    }
+}
+
+fn shadowing(kind: Option<ShadowingKind>) -> Shadowing {
+    match kind {
+        Some(ShadowingKind::VCavity) => Shadowing::VCavity,
+        Some(ShadowingKind::Smith) => Shadowing::Smith,
+        None | Some(ShadowingKind::SmithCorrelated) => Shadowing::SmithCorrelated,
     }
 }
 
@@ -628,21 +676,15 @@ impl CookTorranceTable {
             diffuse: color_or(self.diffuse.as_ref(), Spectrum::gray(if is_metal { 0.0 } else { 0.5 }), r)?,
             specular: color_or(self.specular.as_ref(), Spectrum::WHITE, r)?,
             alpha: ScalarMap::constant(self.alpha.map_or(0.3, |a| a.0 as f32)),
-            distribution: match self.distribution {
-                Some(DistributionKind::Beckmann) => Distribution::Beckmann,
-                None | Some(DistributionKind::Ggx) => Distribution::Ggx,
-            },
-            shadowing: match self.shadowing {
-                Some(ShadowingKind::VCavity) => Shadowing::VCavity,
-                Some(ShadowingKind::Smith) => Shadowing::Smith,
-                None | Some(ShadowingKind::SmithCorrelated) => Shadowing::SmithCorrelated,
-            },
+            distribution: distribution(self.distribution),
+            shadowing: shadowing(self.shadowing),
             fresnel,
             form: match self.form {
                 None | Some(FormKind::Modern) => Form::Modern,
                 Some(FormKind::Paper1982) => Form::Paper1982,
                 Some(FormKind::Lecture) => Form::Lecture,
             },
+            behind: None,
         }))
     }
 }

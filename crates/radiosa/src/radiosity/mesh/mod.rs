@@ -662,7 +662,7 @@ fn passes(world: &World, surface: &Surface, n: Vec3) -> Spectrum {
     let along = crate::math::Frame::from_normal(n);
     let at = |cos2: f32| {
         let shading = world.shading(surface, along.to_world(Vec3::new((1.0 - cos2).sqrt(), 0.0, cos2.sqrt())));
-        Spectrum::WHITE * (1.0 - shading.coverage) + shading.straight_transmission(surface) * shading.coverage
+        Spectrum::WHITE * (1.0 - shading.coverage) + shading.straight_transmission() * shading.coverage
     };
     // What lets nothing through head-on never does.
     if at(1.0).is_black() {

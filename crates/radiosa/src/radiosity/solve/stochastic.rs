@@ -598,7 +598,7 @@ fn follow(world: &World, mesh: &ElementMesh, mut ray: Ray, key: u64, mut meet: i
         }
         let passes = || {
             let shading = world.shading(&surface, -ray.dir);
-            let through = shading.straight_transmission(&surface);
+            let through = shading.straight_transmission();
             1.0 - shading.coverage * (1.0 - (through.r + through.g + through.b) / 3.0)
         };
         let is_end = !world.has_transparency() || rng::unit_f32((rng::key(&[key, u64::from(layer)]) >> 32) as u32) >= passes();

@@ -40,6 +40,8 @@ pub struct Settings {
     pub branches: u32,
     /// What the highlights of Phong's model do with light that does not come from delta lights.
     pub highlights: Highlights,
+    /// Gives back the light that the facets of rough surfaces reflect more than once ([`multiple_scattering`](crate::bsdf::multiple_scattering)).
+    pub multiple_scattering: bool,
     /// How the constants of mirrors and glass are weighed.
     pub fresnel: Weighing,
     /// Lights beside the scene's own, as for ray casting.
@@ -56,6 +58,7 @@ impl Default for Settings {
             max_depth: None,
             branches: 4,
             highlights: Highlights::default(),
+            multiple_scattering: false,
             fresnel: Weighing::Material,
             extra_lights: Vec::new(),
             footprint: Footprint::default(),

@@ -51,9 +51,26 @@ struct Onward {
 #[derive(Clone, Copy)]
 struct Last {
     p: Vec3,
+    /// On the side to which the direction goes.
     n: Vec3,
     /// 1/sr.
     pdf: f32,
+    /// How often points of emissive surfaces are looked for on that side.
+    share: f32,
+}
+
+/// Light that comes straight from sources.
+#[derive(Clone, Copy, Default)]
+struct Found {
+    reflected: Lobes,
+    /// By a rough boundary.
+    refracted: Spectrum,
+}
+
+impl Found {
+    fn sum(self) -> Spectrum {
+        self.reflected.sum() + self.refracted
+    }
 }
 
 /// A surface that scatters.
@@ -97,9 +114,10 @@ impl<'a> Walk<'a> {
             return pixel;
         }
         let scatter = self.scatter_at(&vertex);
-        let local = self.next_event(&vertex, &scatter);
-        (pixel.diffuse, pixel.specular) = (open * local.diffuse, open * local.specular);
-        pixel.direct = pixel.diffuse + pixel.specular;
+        let Found { reflected, refracted } = self.next_event(&vertex, &scatter);
+        (pixel.diffuse, pixel.specular, pixel.refraction) =
+            (open * reflected.diffuse, open * reflected.specular, open * refracted);
+        pixel.direct = pixel.diffuse + pixel.specular + pixel.refraction;
         let n_branches = self.method.settings.branches.max(1);
         let open = open / n_branches as f32;
         let sides = self.method.has_bodies.then_some((self.media, self.behind));
@@ -115,6 +133,7 @@ impl<'a> Walk<'a> {
             let all = once + more;
             pixel.diffuse += weight.diffuse * all;
             let lobe = match scattered.way {
+                Way::Rough { .. } if goes_through(&vertex, &scattered) => &mut pixel.refraction,
                 Way::Rough { .. } => &mut pixel.specular,
                 Way::Reflected => &mut pixel.reflection,
                 Way::Refracted => &mut pixel.refraction,
@@ -228,6 +247,9 @@ impl<'a> Walk<'a> {
                     shading.bsdf = shading.bsdf.met_from_inside();
                 }
             }
+            if self.method.settings.multiple_scattering {
+                shading.bsdf = shading.bsdf.compensated();
+            }
             if shading.coverage < 1.0 && self.stream.next_f32() >= shading.coverage {
                 // A hole in the wall of a body lets into the body.
                 if is_boundary {
@@ -272,7 +294,7 @@ impl<'a> Walk<'a> {
             distance: (surface.p - last.p).length(),
             local: surface.local,
         };
-        shading.emission * power_heuristic(last.pdf, self.method.emissive.pdf(last.p, last.n, &met))
+        shading.emission * power_heuristic(last.pdf, last.share * self.method.emissive.pdf(last.p, last.n, &met))
     }
 
     /// Four numbers: of a set that all samples of the pixel share, as long as that still tells.
@@ -300,10 +322,16 @@ impl<'a> Walk<'a> {
         let mut scattered = scatter.sample(u, choice.x)?;
         let last = match scattered.way {
             Way::Rough { pdf } => {
+                let share = scatter.share_through();
+                let (side, n, share) =
+                    if goes_through(vertex, &scattered) { (-side, -shading.n, share) } else { (side, shading.n, 1.0 - share) };
                 if scattered.wi.dot(side) <= 0.0 {
                     return None;
                 }
-                Some(Last { p: surface.p, n: shading.n, pdf })
+                if vertex.is_boundary && n != shading.n {
+                    self.media = self.behind;
+                }
+                Some(Last { p: surface.p, n, pdf, share })
             }
             Way::Reflected => {
                 scattered.wi = kept_above(scattered.wi, side);
@@ -323,56 +351,77 @@ impl<'a> Walk<'a> {
     }
 
     /// Light that comes straight from a source, as far as directions to it are drawn.
-    fn next_event(&mut self, vertex: &Vertex, scatter: &Scatter) -> Lobes {
-        let mut light = Lobes::BLACK;
+    fn next_event(&mut self, vertex: &Vertex, scatter: &Scatter) -> Found {
+        let mut light = Found::default();
         let method = self.method;
         let Vertex { surface, shading, .. } = vertex;
         if scatter.is_perfect() {
             return light;
         }
+        let share = scatter.share_through();
         if method.has_lamps {
             let lamps =
                 method.lamps.at_random(self.world, surface, shading, Some(&self.media), (0, &mut self.stream), self.n_rays);
-            light = Lobes { diffuse: lamps.diffuse, specular: lamps.specular };
+            light.reflected = Lobes { diffuse: lamps.diffuse, specular: lamps.specular };
+            if share > 0.0 {
+                let behind = if vertex.is_boundary { &self.behind } else { &self.media };
+                light.refracted = method.lamps.refracted(self.world, surface, shading, behind, self.n_rays);
+            }
         }
         if !method.emissive.is_empty() {
             let [u, choice] = self.next_4d();
-            if let Some(drawn) = method.emissive.draw(surface.p, shading.n, u, choice.x) {
+            // On one side of a rough boundary.
+            let (n, share) = if choice.y < share { (-shading.n, share) } else { (shading.n, 1.0 - share) };
+            if let Some(drawn) = method.emissive.draw(surface.p, n, u, choice.x)
+                && (drawn.wi.dot(n) > 0.0 || share >= 1.0)
+            {
                 let ray = surface.shadow_ray(drawn.target);
                 let world = self.world;
                 let radiance = || world.emission_from(drawn.surface, drawn.position);
-                light += self.looked_at(surface, shading, scatter, (drawn.wi, drawn.pdf), ray, radiance);
+                self.look(vertex, scatter, (drawn.wi, drawn.pdf * share), ray, radiance, &mut light);
             }
         }
         if let (Some(sampler), Some(sky)) = (&method.sky, self.world.sky()) {
             let [u, _] = self.next_4d();
             if let Some((wi, pdf)) = sampler.sample(u) {
-                light += self.looked_at(surface, shading, scatter, (wi, pdf), surface.ray(wi), || sky.radiance(wi));
+                self.look(vertex, scatter, (wi, pdf), surface.ray(wi), || sky.radiance(wi), &mut light);
             }
         }
         light
     }
 
-    /// What a direction drawn with a density brings, weighed against its being drawn by the surface.
-    fn looked_at(
+    /// Adds what a direction drawn with a density brings, weighed against its being drawn by the surface.
+    fn look(
         &mut self,
-        surface: &Surface,
-        shading: &Shading,
+        vertex: &Vertex,
         scatter: &Scatter,
         (wi, pdf): (Vec3, f32),
         ray: Ray,
         radiance: impl Fn() -> Spectrum,
-    ) -> Lobes {
+        light: &mut Found,
+    ) {
+        let Vertex { surface, shading, .. } = vertex;
         let (lobes, pdf_of_surface) = scatter.evaluate(wi);
-        if lobes.sum().is_black() || surface.ng.dot(wi) * surface.ng.dot(shading.wo) <= 0.0 {
-            return Lobes::BLACK;
+        let goes_through = shading.n.dot(wi) < 0.0;
+        let beside = surface.ng.dot(wi) * surface.ng.dot(shading.wo);
+        if lobes.sum().is_black() || beside == 0.0 || (beside < 0.0) != goes_through {
+            return;
         }
-        let passage = Passage { glass: Glass::Sheets, media: &self.media };
-        let passed = self.world.transmittance(&ray, passage, self.n_rays);
+        let media = if goes_through && vertex.is_boundary { &self.behind } else { &self.media };
+        let passed = self.world.transmittance(&ray, Passage { glass: Glass::Sheets, media }, self.n_rays);
         if passed.is_black() {
-            return Lobes::BLACK;
+            return;
         }
-        let light = radiance() * passed * (power_heuristic(pdf, pdf_of_surface) / pdf);
-        Lobes { diffuse: lobes.diffuse * light, specular: lobes.specular * light }
+        let incident = radiance() * passed * (power_heuristic(pdf, pdf_of_surface) / pdf);
+        if goes_through {
+            light.refracted += lobes.specular * incident;
+        } else {
+            light.reflected += Lobes { diffuse: lobes.diffuse * incident, specular: lobes.specular * incident };
+        }
     }
+}
+
+/// A direction drawn leaves a surface on the other side than the viewer's.
+fn goes_through(vertex: &Vertex, scattered: &Scattered) -> bool {
+    vertex.shading.n.dot(scattered.wi) < 0.0
 }
