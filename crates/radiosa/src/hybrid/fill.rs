@@ -36,6 +36,8 @@ pub struct Filling<'a, 'b> {
     hybrid: &'b mut Hybrid<'a>,
     view: &'b View,
     size: (u32, u32),
+    /// Its width, in that of a camera sample.
+    pixel: f32,
     stride: u32,
     /// Of the four parts of a lattice that the one before did not have.
     part: u32,
@@ -46,7 +48,11 @@ pub struct Filling<'a, 'b> {
 impl<'a, 'b> Filling<'a, 'b> {
     /// Nothing is gathered yet.
     pub fn new(hybrid: &'b mut Hybrid<'a>, view: &'b View, size: (u32, u32)) -> Self {
-        Self { hybrid, view, size, stride: FIRST, part: 0, n_rays: 0 }
+        // Surfaces are as wide as camera samples, which are narrower where pixels have several.
+        let (pixel, sample) = (view.footprint(1), hybrid.settings.whitted.footprint);
+        let ratio = |of_pixel: f32, of_sample: f32| if of_sample > 0.0 { of_pixel / of_sample } else { 1.0 };
+        let pixel = ratio(pixel.growth, sample.growth).max(ratio(pixel.at_eye, sample.at_eye));
+        Self { pixel, hybrid, view, size, stride: FIRST, part: 0, n_rays: 0 }
     }
 
     /// Rays traced so far.
@@ -88,6 +94,7 @@ impl<'a> Solver for Filling<'a, '_> {
         };
         let found: Vec<_> = pixels.par_iter().map(asked).collect();
         self.n_rays += found.iter().map(|(_, n)| n).sum::<u64>();
+        let pixel = self.pixel;
         let most = (MOST * self.size.0.max(self.size.1) as f32).max(LEAST);
         let wanted: Vec<Wanted> = found.into_iter().flat_map(|(wanted, _)| wanted).collect();
         for some in wanted.chunks(AT_ONCE) {
@@ -115,7 +122,7 @@ impl<'a> Solver for Filling<'a, '_> {
             let unknown: Vec<Wanted> = unknown.into_iter().copied().collect();
             for (w, (gathered, n_rays)) in unknown.iter().zip(gathered) {
                 self.n_rays += n_rays;
-                self.hybrid.cache.insert(w.surface.p, w.n, gathered, [LEAST, most].map(|pixels| pixels * w.width));
+                self.hybrid.cache.insert(w.surface.p, w.n, gathered, [LEAST, most].map(|pixels| pixels * pixel * w.width));
             }
         }
         let is_last_part = self.stride == FIRST || self.part == 2;
@@ -137,7 +144,7 @@ impl<'a> Solver for Filling<'a, '_> {
 struct Wanted {
     surface: Surface,
     n: Vec3,
-    /// Of a pixel there: the root of what it covers, metres.
+    /// Of a camera sample there: the root of what it covers, metres.
     width: f32,
 }
 

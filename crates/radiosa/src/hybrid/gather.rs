@@ -50,6 +50,8 @@ pub struct FinalGather<'a> {
     reflectance: Vec<Spectrum>,
     /// How near each element may be taken as a whole, metres.
     pub(super) near: Vec<f32>,
+    /// How much nearer elements have to be with every bounce, to be looked at closely: 1 is as near.
+    pub(super) nearer: f32,
     sky: DirectLight<'a>,
     pub(super) lights: Lights,
     /// By material: rays end there, and what they meet reflects diffusely alone.
@@ -113,6 +115,7 @@ impl<'a> FinalGather<'a> {
             reflectance: solution.system.reflectance.iter().map(|rho| rgb(*rho)).collect(),
             near: near(&solution.mesh, &irradiance),
             irradiance,
+            nearer: 1.0,
             sky: DirectLight::new(world, extra_lights, seed),
             lights: Lights::prepare_without_skies(world, &lights, extra_lights).in_closed_form(world),
             plain: world.scene().materials.iter().map(is_plain).collect(),
@@ -220,7 +223,7 @@ impl<'a> FinalGather<'a> {
                 && let Some(element) = self.mesh.element_at(&hit, ray.at(hit.t), ray.dir)
                 && !(reach.sees_emission && world.material(material).is_emissive())
             {
-                let is_near = hit.t < self.near[element as usize];
+                let is_near = hit.t < self.near[element as usize] * reach.near;
                 if !(is_near && reach.looks_closely()) {
                     return (self.of_element(element, self.reflectance[element as usize], &reach), hit.t);
                 }
@@ -274,7 +277,7 @@ impl<'a> FinalGather<'a> {
         let diffuse = shading.bsdf.diffuse_reflectance();
         if !diffuse.is_black() {
             let known = self.mesh.element_at(met.hit, surface.p, met.dir);
-            let is_far = |element: &u32| met.travelled >= self.near[*element as usize];
+            let is_far = |element: &u32| met.travelled >= self.near[*element as usize] * reach.near;
             light += match known.filter(|known| is_far(known) || !reach.looks_closely()) {
                 Some(element) => self.of_element(element, diffuse, &reach),
                 None if reach.looks_closely() => self.looked_at(surface, shading, reach, n_rays),
@@ -318,7 +321,8 @@ impl<'a> FinalGather<'a> {
         }
         let weight = rho * (1.0 / goes_on);
         let (bounces, through) = (reach.bounces + 1, reach.through * weight);
-        let next = Reach { bounces, sees_emission: false, key: rng::mix(reach.key ^ 2), through, ..reach };
+        let near = reach.near * self.nearer;
+        let next = Reach { bounces, near, sees_emission: false, key: rng::mix(reach.key ^ 2), through, ..reach };
         direct + weight * self.arriving(&surface.ray(dir), next, n_rays).0
     }
 
@@ -390,6 +394,8 @@ pub(super) struct Reach<'s> {
     sees_emission: bool,
     /// Surfaces looked at closely behind it.
     bounces: u32,
+    /// Elements count as near within so many times their own distance.
+    near: f32,
     key: u64,
     /// What is left of the light that goes this way back.
     through: Spectrum,
@@ -412,7 +418,7 @@ impl<'s> Reach<'s> {
     }
 
     pub(super) const fn first(key: u64) -> Self {
-        Self { mirrors: 0, sees_emission: false, bounces: 0, key, through: Spectrum::WHITE, sink: None }
+        Self { mirrors: 0, sees_emission: false, bounces: 0, near: 1.0, key, through: Spectrum::WHITE, sink: None }
     }
 }
 

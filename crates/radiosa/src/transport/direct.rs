@@ -283,13 +283,16 @@ impl Lights {
         let p = rounding::offset_origin(world.shadow_origin(surface, shading.n), surface.p_error, surface.ng, side);
         let receiver = Receiver { p, n: shading.n, side };
         for polygon in polygons.all() {
-            light.diffuse += match polygon.bring(world, &receiver, n_rays) {
+            light.diffuse += match polygon.bring(world, &receiver, n, n_rays) {
                 Brought::Exactly(e) => lambertian_radiance(diffuse, e),
                 Brought::Partly(free) => {
                     let points = (&polygon.sampler, n, set);
                     let mut reach = |passage| self.gather_points(world, (surface, shading), passage, &[], points, n_rays).diffuse;
                     let some = reach(Some(passage));
-                    free.map_or(some, |free| lambertian_radiance(diffuse, free) * share(some, reach(None)))
+                    match free.filter(|_| !some.is_black()) {
+                        Some(free) => lambertian_radiance(diffuse, free) * share(some, reach(None)),
+                        None => some,
+                    }
                 }
             };
         }

@@ -11,6 +11,8 @@ use crate::spectrum::Spectrum;
 /// Polygons that are asked at every place, at most, and the part of all power below which one is none of them.
 const MOST: usize = 8;
 const LEAST: f32 = 0.03;
+/// Triangles that are sooner cut out than a point is drawn.
+const BLOCKERS_A_POINT: usize = 8;
 
 /// Flat emissive surfaces that are asked at every place.
 #[derive(Debug)]
@@ -65,14 +67,14 @@ impl PolygonLights {
 }
 
 impl PolygonLight {
-    /// What it brings to a receiver.
-    pub(super) fn bring(&self, world: &World, receiver: &Receiver, n_rays: &mut u64) -> Brought {
+    /// What it brings to a receiver, who could take `n` points instead.
+    pub(super) fn bring(&self, world: &World, receiver: &Receiver, n: u32, n_rays: &mut u64) -> Brought {
         match self.polygon.seen_from(receiver) {
             Ok(None) => Brought::Exactly(Spectrum::BLACK),
             Err(_) => Brought::Partly(None),
             Ok(Some(seen)) => {
                 *n_rays += 1;
-                match share(world, receiver, &seen) {
+                match share(world, receiver, &seen, BLOCKERS_A_POINT.saturating_mul(n as usize + 1)) {
                     Some(share) => Brought::Exactly(self.polygon.radiance * share),
                     // Of one that the horizon cuts some points bring nothing anyway: shares of a few would be wrong.
                     None => Brought::Partly((!seen.is_cut()).then(|| self.polygon.radiance * seen.unshadowed())),
@@ -83,9 +85,9 @@ impl PolygonLight {
 }
 
 /// `E/L_e` of what a receiver sees of a polygon; `None` where too much stands between, or something that is no opaque triangle.
-fn share(world: &World, receiver: &Receiver, seen: &Seen) -> Option<f32> {
+fn share(world: &World, receiver: &Receiver, seen: &Seen, most: usize) -> Option<f32> {
     let mut blockers = [Triangle::default(); BLOCKERS];
-    let n = world.accel().triangles_in(seen.region(), &mut blockers)?;
+    let n = world.accel().triangles_in(seen.region(), &mut blockers[..most.min(BLOCKERS)])?;
     if n == 0 {
         return Some(seen.unshadowed());
     }
