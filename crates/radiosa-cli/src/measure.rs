@@ -213,14 +213,21 @@ fn by_paths(args: &Measure, world: &World, sensors: &[Sensor]) -> Vec<Reading> {
     sensors.par_iter().enumerate().map(at).collect()
 }
 
+/// Rays by which the hybrid finds the light of an element.
+const SETTLING: u32 = 1024;
+
 fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec<Reading>, Error> {
     let settings = match args.method {
         MeasureMethod::Hybrid => solve::settings_to_gather_from(&args.radiosity, 4000, args.seed, &[]),
         _ => solve::settings(&args.radiosity, args.seed, &[]),
     };
     let bar = Progress::new("solve", solve::UNIT, args.work.quiet);
-    let solve::Found { solution, done, .. } =
-        solve::saved_or_solved(world, &settings, args.solution.as_deref(), &args.work, &bar)?;
+    let saved = args.solution.as_deref();
+    let solve::Found { solution, done, .. } = if args.method == MeasureMethod::Hybrid && saved.is_none() {
+        solve::to_gather_from(world, &settings, &args.work, &bar)?
+    } else {
+        solve::saved_or_solved(world, &settings, saved, &args.work, &bar)?
+    };
     bar.finish();
     if done < 1.0 {
         tell(&format!("warning[unfinished]: {:.1} % of the light is solved for", done * 100.0));
@@ -236,7 +243,7 @@ fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec
     };
     let final_gather = FinalGather::new(world, &solution, &[], args.seed);
     if args.method == MeasureMethod::Hybrid {
-        return Ok(by_rays(&final_gather.settled(), &(0..sensors.len()).collect::<Vec<_>>()));
+        return Ok(by_rays(&final_gather.settled(SETTLING), &(0..sensors.len()).collect::<Vec<_>>()));
     }
     let is_narrow = |&k: &usize| final_gather.nearness(&placed[k].0, placed[k].1, key(k)) > NARROW;
     let narrow: Vec<usize> = match solution.system.medium.is_clear() {

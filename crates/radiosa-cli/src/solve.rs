@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use radiosa::export::image::Recipe;
 use radiosa::export::{mesh as lit_mesh, solution as file};
+use radiosa::hybrid::FinalGather;
 use radiosa::import::Warning;
 use radiosa::radiosity::form_factor::{self, Factors, Row, Scratch};
 use radiosa::radiosity::hierarchical::Hierarchical;
@@ -140,6 +141,20 @@ pub(crate) fn saved_or_solved(
             Found { solution: solved.solution, done: solved.done, links }
         }),
     }
+}
+
+/// A new solution for a hybrid, which finds the light of elements by itself: nothing is solved before unless a solver is asked for, or elements are too many for that.
+///
+/// # Errors
+/// When solving takes too much memory.
+pub(crate) fn to_gather_from(world: &World, settings: &Settings, work: &Work, bar: &progress::Progress) -> Result<Found, Error> {
+    if matches!(settings.solver, solve::Solver::Auto) && settings.refine.levels == 0 {
+        let solution = Solution::to_be_found(world, settings);
+        if solution.mesh.elements().len() <= FinalGather::MOST_ELEMENTS {
+            return Ok(Found { solution, done: 1.0, links: None });
+        }
+    }
+    saved_or_solved(world, settings, None, work, bar)
 }
 
 /// What progress is counted in.

@@ -66,7 +66,7 @@ fn sensors_of_the_cornell_box_have_the_irradiances_of_its_reference() {
     let reference: Value = serde_json::from_str(&text).expect("it is JSON");
     let world = world_of(radiosa::import::sample::load("cornell-box").expect("it is built in"));
     let solution = solved(&world, 500);
-    let gather = FinalGather::new(&world, &solution, &[], 0).settled();
+    let gather = FinalGather::new(&world, &solution, &[], 0).settled(1024);
     let off = |gather: &FinalGather| {
         let (mut sum, mut signed, mut n, mut worst, mut pulls) = (0.0, 0.0, 0.0, 0.0f64, 0.0);
         for (k, point) in reference["points"].as_array().expect("points").iter().enumerate() {
@@ -123,7 +123,7 @@ fn few_elements_gathered_again_lose_no_light_in_a_white_room() {
     let [few, many] = [200, 6000].map(|n| solved(&world, n));
     let of = |solution, settles| {
         let gather = FinalGather::new(&world, solution, &[], 0);
-        mean(&if settles { gather.settled() } else { gather })
+        mean(&if settles { gather.settled(1024) } else { gather })
     };
     // Many elements say nearly the same as they are; the twin takes few as they are.
     let truth = of(&many, true);

@@ -348,8 +348,13 @@ pub(crate) fn draw(
             let rings = solve::rings(&picture.radiosity, picture.solution.as_deref())?;
             let tessellated = radiosa::radiosity::tessellated(world, rings)?;
             let solved_in = tessellated.as_ref().unwrap_or(world);
-            let settings = solve::settings_to_gather_from(&picture.radiosity, 1000, picture.seed, &lighting.extra_lights);
-            let found = solve::saved_or_solved(solved_in, &settings, picture.solution.as_deref(), &watch.work, &watch.progress)?;
+            let settings = solve::settings_to_gather_from(&picture.radiosity, 2000, picture.seed, &lighting.extra_lights);
+            let saved = picture.solution.as_deref();
+            let found = if saved.is_none() && !picture.overlay.contains(&args::Overlay::Links) {
+                solve::to_gather_from(solved_in, &settings, &watch.work, &watch.progress)?
+            } else {
+                solve::saved_or_solved(solved_in, &settings, saved, &watch.work, &watch.progress)?
+            };
             let mut hybrid =
                 Hybrid::new(world, solved_in, &found.solution, &hybrid_settings(stage, picture, lighting), view.forward());
             let mut filling = hybrid::Filling::new(&mut hybrid, view, (sampling.width, sampling.height));

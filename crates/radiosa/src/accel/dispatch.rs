@@ -8,6 +8,7 @@ use super::object::Kind;
 use super::packet::{self, Columns};
 use super::pair::{Occluder, occluded_between};
 use super::prepared::Prepared;
+use super::region::{HalfSpace, Triangle, triangles_in};
 use super::traverse::{self, Accept, Always, Best, Visit};
 use super::{Accel, Hit};
 use crate::math::Ray;
@@ -58,6 +59,8 @@ kernels! {
     fn occluded8(accel: &Accel, rays: &[Ray; 8], active: u8) -> u8 = occluded8_in_scene;
     /// Whether each of some rays between two patches hits anything.
     fn occluded_between(accel: &Accel, rays: &[Ray], occluder: &mut Occluder, blocked: &mut Vec<bool>) = occluded_between;
+    /// The triangles that may reach into a convex region.
+    fn triangles_in(accel: &Accel, region: &[HalfSpace], found: &mut [Triangle]) -> Option<usize> = triangles_in;
     /// Offers the nearest hit of a shared shape.
     fn closest_in_shape<A>(bvh: &Bvh, ray: &Ray, visit: &mut InShape<'_, A>, best: &mut Best) = closest_in_tree;
     /// Whether the ray hits anything of a shared shape.

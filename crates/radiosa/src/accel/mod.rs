@@ -11,6 +11,7 @@
 //! bvh         nodes of eight boxes, leaves of blocks of up to eight triangles, or of one object
 //! prepared, triangle, traverse       a ray's constants; the watertight test; one ray down a tree
 //! packet, collect, pair              eight rays together; many rays between two patches
+//! region                             triangles that reach into a convex region
 //! dispatch                           each query compiled for both processors (`math::lanes`)
 //! ```
 //!
@@ -70,6 +71,7 @@ mod object;
 mod packet;
 mod pair;
 mod prepared;
+mod region;
 mod scene;
 mod traverse;
 mod triangle;
@@ -79,6 +81,7 @@ use bvh::Bvh;
 use dispatch::Kernels;
 use object::Object;
 pub use pair::Occluder;
+pub use region::{HalfSpace, Triangle};
 use traverse::{Always, Ask};
 
 /// What a ray met.
@@ -204,6 +207,12 @@ impl Accel {
     /// Which of eight rays hit anything, as bits; `active` as in [`Self::closest8`].
     pub fn occluded8(&self, rays: &[Ray; 8], active: u8) -> u8 {
         on!(self.path, occluded8(self, rays, active))
+    }
+
+    /// The triangles that may reach into the intersection of half spaces (none that does is left out), put into `found` from its beginning: how many they are.
+    /// `None` where there are more than it holds, where they stand in many places, or where something else than a triangle in world coordinates may be.
+    pub fn triangles_in(&self, region: &[HalfSpace], found: &mut [Triangle]) -> Option<usize> {
+        on!(self.path, triangles_in(self, region, found))
     }
 
     /// Which of the rays between two patches are blocked: the answers of [`Self::occluded`], in their order, sooner when all rays begin close

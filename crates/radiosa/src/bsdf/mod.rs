@@ -213,6 +213,21 @@ impl Bsdf {
         }
     }
 
+    /// Its diffuse lobe is `k_d/π`, whatever the directions.
+    pub(crate) fn is_diffuse_lambertian(&self) -> bool {
+        !matches!(self, Self::MetallicRoughness(_))
+    }
+
+    /// It has a highlight of light sources.
+    pub(crate) fn has_highlight(&self) -> bool {
+        match self {
+            Self::Unlit(_) => false,
+            Self::Phong(m) => !m.specular.is_black(),
+            Self::CookTorrance(m) => !m.specular.is_black(),
+            Self::MetallicRoughness(_) => true,
+        }
+    }
+
     /// The surface's own colour, for the albedo layer: `k_d`, or the base colour of glTF materials (metals included).
     pub fn albedo(&self) -> Spectrum {
         match self {

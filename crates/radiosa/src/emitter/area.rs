@@ -106,6 +106,14 @@ pub struct EmissiveSurface {
     pub primitive: u32,
 }
 
+impl EmissiveSurface {
+    /// `L_e A` in luminance, twice that where both sides emit: emitted power over π.
+    pub(crate) fn power(&self) -> f32 {
+        let sides = if self.two_sided { 2.0 } else { 1.0 };
+        (f64::from(self.radiance.luminance()) * self.shape.area() * sides) as f32
+    }
+}
+
 /// Normals within this of each other (1 − cos, about 0.08°) count as the same plane: more than rounding leaves, less than modelling means.
 const COPLANAR: f64 = 1e-6;
 /// A connected curved emitter gets at most this many times N×N points: as many as a box.

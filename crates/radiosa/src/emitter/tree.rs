@@ -201,10 +201,7 @@ impl<'a> Weighed<'a> {
 
 impl Leaf {
     fn new(index: usize, surface: &EmissiveSurface) -> Option<Self> {
-        let sides = if surface.two_sided { 2.0 } else { 1.0 };
-        let power = f64::from(surface.radiance.luminance()) * surface.shape.area() * sides;
-        let bounds = surface.shape.bounds();
-        let power = power as f32;
+        let (power, bounds) = (surface.power(), surface.shape.bounds());
         (power > 0.0 && power.is_finite() && !bounds.is_empty()).then(|| Self {
             index,
             bounds,

@@ -44,6 +44,8 @@ pub struct Cache {
 
 /// Halvings of the whole at most.
 const DEPTH: u32 = 16;
+/// A radius is so much of the way on which the gradient would change the light by its whole, at most: what is steep bends, too.
+const STEEP: f32 = 0.3;
 /// How far below the tangent plane of a record it still counts, by its radius: what lies there may see less.
 const BELOW: f32 = 0.02;
 
@@ -72,11 +74,12 @@ impl Cache {
         let e = gathered.irradiance.luminance();
         let along = |axis: usize| Spectrum::from(gathered.translation.map(|g| g[axis])).luminance();
         let slope = Vec3::new(along(0), along(1), along(2)).length();
-        let steep = if slope > 0.0 { e / slope } else { f32::INFINITY };
+        let steep = if slope > 0.0 { STEEP * e / slope } else { f32::INFINITY };
         let radius = gathered.distance.min(steep).min(most).max(least / self.accuracy).min(2.0 * self.half);
-        if radius > steep {
+        let whole = steep / STEEP;
+        if radius > whole {
             // Over its whole reach it may not change by more than itself.
-            gathered.translation = gathered.translation.map(|g| g * (steep / radius));
+            gathered.translation = gathered.translation.map(|g| g * (whole / radius));
         }
         let index = self.records.len() as u32;
         self.records.push(Record { p, n, radius, gathered });

@@ -8,7 +8,7 @@ use std::cell::RefCell;
 use rayon::prelude::*;
 
 use super::Hybrid;
-use crate::math::Vec3;
+use crate::math::{Vec3, function};
 use crate::raytrace::whitted::{Asked, Indirect};
 use crate::sampling::{Stream, rng};
 use crate::spectrum::Spectrum;
@@ -20,13 +20,15 @@ const FIRST: u32 = 64;
 const LAST: u32 = 2;
 /// Gathers made at once: later ones of a pass know the earlier ones.
 const AT_ONCE: usize = 256;
-/// Of the error allowed to the cache, the part that gathers may have; those that have more are made again by four times as many rays, and once more.
-const NOISE: f32 = 0.15;
-const MORE: u32 = 2;
+/// Of the error allowed to the cache, the part that the noise of gathers may have; those that have more get more rays, up to so many times as many. The error falls by about
+/// the 0.7th power of them.
+const NOISE: f32 = 0.06;
+const MORE: f32 = 6.0;
+const ORDER: f32 = 1.4;
 /// Records reach this many pixels at least.
-const LEAST: f32 = 1.5;
+const LEAST: f32 = 3.0;
 /// And this part of the picture's longer side at most: where light changes little, many records with few rays each are as quiet as few with many, and bend less.
-const MOST: f32 = 1.0 / 40.0;
+const MOST: f32 = 1.0 / 100.0;
 
 /// Fills the cache of a hybrid for a view: a step is a quarter of a lattice.
 #[derive(Debug)]
@@ -34,6 +36,8 @@ pub struct Filling<'a, 'b> {
     hybrid: &'b mut Hybrid<'a>,
     view: &'b View,
     size: (u32, u32),
+    /// Its width, in that of a camera sample.
+    pixel: f32,
     stride: u32,
     /// Of the four parts of a lattice that the one before did not have.
     part: u32,
@@ -44,7 +48,11 @@ pub struct Filling<'a, 'b> {
 impl<'a, 'b> Filling<'a, 'b> {
     /// Nothing is gathered yet.
     pub fn new(hybrid: &'b mut Hybrid<'a>, view: &'b View, size: (u32, u32)) -> Self {
-        Self { hybrid, view, size, stride: FIRST, part: 0, n_rays: 0 }
+        // Surfaces are as wide as camera samples, which are narrower where pixels have several.
+        let (pixel, sample) = (view.footprint(1), hybrid.settings.whitted.footprint);
+        let ratio = |of_pixel: f32, of_sample: f32| if of_sample > 0.0 { of_pixel / of_sample } else { 1.0 };
+        let pixel = ratio(pixel.growth, sample.growth).max(ratio(pixel.at_eye, sample.at_eye));
+        Self { pixel, hybrid, view, size, stride: FIRST, part: 0, n_rays: 0 }
     }
 
     /// Rays traced so far.
@@ -86,32 +94,35 @@ impl<'a> Solver for Filling<'a, '_> {
         };
         let found: Vec<_> = pixels.par_iter().map(asked).collect();
         self.n_rays += found.iter().map(|(_, n)| n).sum::<u64>();
+        let pixel = self.pixel;
         let most = (MOST * self.size.0.max(self.size.1) as f32).max(LEAST);
         let wanted: Vec<Wanted> = found.into_iter().flat_map(|(wanted, _)| wanted).collect();
         for some in wanted.chunks(AT_ONCE) {
             let hybrid = &*self.hybrid;
+            let allowed = NOISE * hybrid.settings.cache;
             let unknown: Vec<&Wanted> =
                 some.iter().filter(|w| hybrid.cache.irradiance(w.surface.p, w.n, 1.0).is_none()).collect();
             let first = hybrid.cache.len() as u64;
             let gather = |(i, w): (usize, &&Wanted)| {
                 let key = rng::key(&[hybrid.settings.seed, first + i as u64, 0x6761_7468_6572]);
                 let mut n_rays = 0;
-                let mut rays = hybrid.settings.rays;
-                let mut gathered = hybrid.gather.gather(&w.surface, w.n, rays, key, &mut n_rays);
-                for _ in 0..MORE {
-                    if gathered.error <= NOISE * hybrid.settings.cache {
-                        break;
-                    }
-                    rays *= 4;
-                    gathered = hybrid.gather.gather(&w.surface, w.n, rays, rng::mix(key), &mut n_rays);
-                }
+                let rays = hybrid.settings.rays;
+                let gathered = hybrid.gather.gather(&w.surface, w.n, rays, key, &mut n_rays);
+                let wanted = function::pow(gathered.error / allowed, ORDER).min(MORE) * rays as f32;
+                let more = wanted as u32 - rays.min(wanted as u32);
+                let gathered = if more > rays / 4 {
+                    let second = hybrid.gather.gather(&w.surface, w.n, more, rng::mix(key), &mut n_rays);
+                    gathered.with(&second, more as f32 / (rays + more) as f32)
+                } else {
+                    gathered
+                };
                 (gathered, n_rays)
             };
             let gathered: Vec<_> = unknown.par_iter().enumerate().map(gather).collect();
             let unknown: Vec<Wanted> = unknown.into_iter().copied().collect();
             for (w, (gathered, n_rays)) in unknown.iter().zip(gathered) {
                 self.n_rays += n_rays;
-                self.hybrid.cache.insert(w.surface.p, w.n, gathered, [LEAST, most].map(|pixels| pixels * w.surface.width));
+                self.hybrid.cache.insert(w.surface.p, w.n, gathered, [LEAST, most].map(|pixels| pixels * pixel * w.width));
             }
         }
         let is_last_part = self.stride == FIRST || self.part == 2;
@@ -133,6 +144,8 @@ impl<'a> Solver for Filling<'a, '_> {
 struct Wanted {
     surface: Surface,
     n: Vec3,
+    /// Of a camera sample there: the root of what it covers, metres.
+    width: f32,
 }
 
 /// Notes where the cache does not reach.
@@ -144,7 +157,9 @@ struct Wanting<'a> {
 impl Indirect for Wanting<'_> {
     fn irradiance(&self, at: &Asked<'_>, _: &mut Stream, _: &mut u64) -> Spectrum {
         if self.hybrid.cache.irradiance(at.surface.p, at.n, 1.0).is_none() {
-            self.found.borrow_mut().push(Wanted { surface: *at.surface, n: at.n });
+            // (A surface's own width is the longer one, by 1/cos.)
+            let width = at.surface.width * at.cos.abs().clamp(1.0 / 16.0, 1.0).sqrt();
+            self.found.borrow_mut().push(Wanted { surface: *at.surface, n: at.n, width });
         }
         Spectrum::BLACK
     }

@@ -10,6 +10,7 @@
 use std::cell::RefCell;
 use std::f32::consts::{PI, TAU};
 
+use crate::accel::Hit;
 use crate::math::{Frame, Ray, Vec2, Vec3, function};
 use crate::radiosity::Solution;
 use crate::radiosity::direct::DirectLight;
@@ -17,7 +18,7 @@ use crate::radiosity::gather::Arriving;
 use crate::radiosity::mesh::{Element, ElementMesh};
 use crate::sampling::{Stream, rng, sequence, warp};
 use crate::scene::{AlphaMode, Light, Material, Model};
-use crate::spectrum::{Spectrum, luminance};
+use crate::spectrum::Spectrum;
 use crate::transport::media::Media;
 use crate::transport::{Emitters, LightSettings, Lights, Shading, Surface, World};
 
@@ -49,6 +50,8 @@ pub struct FinalGather<'a> {
     reflectance: Vec<Spectrum>,
     /// How near each element may be taken as a whole, metres.
     pub(super) near: Vec<f32>,
+    /// How much nearer elements have to be with every bounce, to be looked at closely: 1 is as near.
+    pub(super) nearer: f32,
     sky: DirectLight<'a>,
     pub(super) lights: Lights,
     /// By material: rays end there, and what they meet reflects diffusely alone.
@@ -72,6 +75,19 @@ pub struct Gathered {
 }
 
 impl Gathered {
+    /// The mean of it and another, which counts by `share` of one.
+    pub(super) fn with(&self, other: &Self, share: f32) -> Self {
+        let own = 1.0 - share;
+        let mix = |a: [Vec3; 3], b: [Vec3; 3]| std::array::from_fn(|c| a[c] * own + b[c] * share);
+        Self {
+            irradiance: self.irradiance * own + other.irradiance * share,
+            translation: mix(self.translation, other.translation),
+            rotation: mix(self.rotation, other.rotation),
+            distance: 1.0 / (own / self.distance + share / other.distance),
+            error: ((own * self.error).powi(2) + (share * other.error).powi(2)).sqrt(),
+        }
+    }
+
     /// Carried along by some way, and turned around an axis.
     pub(super) fn at(&self, way: Vec3, turn: Vec3) -> Spectrum {
         let change = std::array::from_fn(|c| self.translation[c].dot(way) + self.rotation[c].dot(turn));
@@ -92,14 +108,16 @@ impl<'a> FinalGather<'a> {
         let rgb = |v: [f64; 3]| Spectrum::from(v.map(|x| x as f32));
         let over_pi = |h: &[f64; 3]| rgb(h.map(|h| h * std::f64::consts::FRAC_1_PI));
         let lights = LightSettings { emitters: Emitters::Points { n: 1, max: 2 }, ..LightSettings::default() };
+        let irradiance: Vec<Spectrum> = solution.irradiance.iter().map(over_pi).collect();
         Self {
             world,
             mesh: &solution.mesh,
-            irradiance: solution.irradiance.iter().map(over_pi).collect(),
             reflectance: solution.system.reflectance.iter().map(|rho| rgb(*rho)).collect(),
-            near: near(solution),
+            near: near(&solution.mesh, &irradiance),
+            irradiance,
+            nearer: 1.0,
             sky: DirectLight::new(world, extra_lights, seed),
-            lights: Lights::prepare_without_skies(world, &lights, extra_lights).with_random_points(world),
+            lights: Lights::prepare_without_skies(world, &lights, extra_lights).in_closed_form(world),
             plain: world.scene().materials.iter().map(is_plain).collect(),
             seed,
         }
@@ -203,13 +221,16 @@ impl<'a> FinalGather<'a> {
             let material = world.scene().material_of(crate::scene::InstanceId(hit.instance), hit.primitive);
             if material.is_none_or(|id| self.plain[id.index()])
                 && let Some(element) = self.mesh.element_at(&hit, ray.at(hit.t), ray.dir)
-                && !(reach.looks_closely() && hit.t < self.near[element as usize])
                 && !(reach.sees_emission && world.material(material).is_emissive())
             {
-                return (self.of_element(element, self.reflectance[element as usize], &reach), hit.t);
+                let is_near = hit.t < self.near[element as usize] * reach.near;
+                if !(is_near && reach.looks_closely()) {
+                    return (self.of_element(element, self.reflectance[element as usize], &reach), hit.t);
+                }
             }
+            return self.followed(ray, Some(hit), reach, n_rays);
         }
-        self.followed(ray, reach, n_rays)
+        self.followed(ray, None, reach, n_rays)
     }
 
     /// What of an element's light a surface of some reflectance sends out, by what the solution says; noted instead, where that is not known yet.
@@ -219,13 +240,14 @@ impl<'a> FinalGather<'a> {
         Spectrum::BLACK
     }
 
-    /// The same with everything that can be there.
-    fn followed(&self, ray: &Ray, reach: Reach<'_>, n_rays: &mut u64) -> (Spectrum, f32) {
+    /// The same with everything that can be there, from what the ray meets first, where that is known.
+    fn followed(&self, ray: &Ray, mut met_first: Option<Hit>, reach: Reach<'_>, n_rays: &mut u64) -> (Spectrum, f32) {
         let world = self.world;
         let (mut ray, mut open, mut light) = (*ray, Spectrum::WHITE, Spectrum::BLACK);
         let (mut first, mut travelled) = (None, 0.0);
         for layer in 0..LAYERS {
-            let Some((hit, surface)) = world.closest_visible(&ray) else {
+            let met = met_first.take().map(|hit| (hit, world.surface(&ray, &hit)));
+            let Some((hit, surface)) = met.or_else(|| world.closest_visible(&ray)) else {
                 light += open * self.beyond(ray.dir, reach);
                 break;
             };
@@ -255,7 +277,7 @@ impl<'a> FinalGather<'a> {
         let diffuse = shading.bsdf.diffuse_reflectance();
         if !diffuse.is_black() {
             let known = self.mesh.element_at(met.hit, surface.p, met.dir);
-            let is_far = |element: &u32| met.travelled >= self.near[*element as usize];
+            let is_far = |element: &u32| met.travelled >= self.near[*element as usize] * reach.near;
             light += match known.filter(|known| is_far(known) || !reach.looks_closely()) {
                 Some(element) => self.of_element(element, diffuse, &reach),
                 None if reach.looks_closely() => self.looked_at(surface, shading, reach, n_rays),
@@ -299,7 +321,8 @@ impl<'a> FinalGather<'a> {
         }
         let weight = rho * (1.0 / goes_on);
         let (bounces, through) = (reach.bounces + 1, reach.through * weight);
-        let next = Reach { bounces, sees_emission: false, key: rng::mix(reach.key ^ 2), through, ..reach };
+        let near = reach.near * self.nearer;
+        let next = Reach { bounces, near, sees_emission: false, key: rng::mix(reach.key ^ 2), through, ..reach };
         direct + weight * self.arriving(&surface.ray(dir), next, n_rays).0
     }
 
@@ -310,17 +333,16 @@ impl<'a> FinalGather<'a> {
 }
 
 /// How near each element may be taken as a whole: nearer where the light of its neighbours is like its own.
-fn near(solution: &Solution) -> Vec<f32> {
-    let mesh = &solution.mesh;
-    let of = |i: usize| luminance(solution.irradiance[i]);
+pub(super) fn near(mesh: &ElementMesh, irradiance: &[Spectrum]) -> Vec<f32> {
+    let of = |i: usize| irradiance[i].luminance();
     let element = |(i, element): (usize, &Element)| {
         if element.exposed() < KNOWN {
             return f32::INFINITY;
         }
         let own = of(i);
         let step =
-            mesh.neighbours(element).map(|j| (of(j) - own).abs() / of(j).max(own).max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
-        let times = NEAR[0] + (NEAR[1] - NEAR[0]) * (2.0 * step as f32).min(1.0);
+            mesh.neighbours(element).map(|j| (of(j) - own).abs() / of(j).max(own).max(f32::MIN_POSITIVE)).fold(0.0, f32::max);
+        let times = NEAR[0] + (NEAR[1] - NEAR[0]) * (2.0 * step).min(1.0);
         element.area.sqrt() as f32 * times
     };
     mesh.elements().iter().enumerate().map(element).collect()
@@ -372,6 +394,8 @@ pub(super) struct Reach<'s> {
     sees_emission: bool,
     /// Surfaces looked at closely behind it.
     bounces: u32,
+    /// Elements count as near within so many times their own distance.
+    near: f32,
     key: u64,
     /// What is left of the light that goes this way back.
     through: Spectrum,
@@ -394,7 +418,7 @@ impl<'s> Reach<'s> {
     }
 
     pub(super) const fn first(key: u64) -> Self {
-        Self { mirrors: 0, sees_emission: false, bounces: 0, key, through: Spectrum::WHITE, sink: None }
+        Self { mirrors: 0, sees_emission: false, bounces: 0, near: 1.0, key, through: Spectrum::WHITE, sink: None }
     }
 }
 
@@ -402,7 +426,7 @@ impl<'s> Reach<'s> {
 struct Met<'a> {
     surface: &'a Surface,
     shading: &'a Shading,
-    hit: &'a crate::accel::Hit,
+    hit: &'a Hit,
     travelled: f32,
     dir: Vec3,
 }

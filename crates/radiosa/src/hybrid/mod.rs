@@ -55,7 +55,9 @@ impl<'a> Hybrid<'a> {
     /// ([`tessellated`](crate::radiosity::tessellated)). `forward` is the direction the camera looks in.
     pub fn new(world: &World, solved: &'a World, solution: &'a Solution, settings: &Settings, forward: Vec3) -> Self {
         let whitted = Whitted::with_indirect(world, &settings.whitted, forward);
-        let gather = FinalGather::new(solved, solution, &settings.whitted.extra_lights, settings.seed).settled();
+        let mut gather =
+            FinalGather::new(solved, solution, &settings.whitted.extra_lights, settings.seed).settled(SETTLING * settings.rays);
+        gather.nearer = NEARER;
         let cache = Cache::new(world.accel().bounds(), settings.cache);
         Self { whitted, gather, cache, settings: settings.clone() }
     }
@@ -66,6 +68,10 @@ impl<'a> Hybrid<'a> {
     }
 }
 
+/// With every bounce elements have to be so many times as near to be looked at closely, in pictures: one sees no more of them then.
+const NEARER: f32 = 0.5;
+/// Rays by which the light of an element is found, for each of a final gather.
+const SETTLING: u32 = 2;
 /// Gathers where the cache knows nothing: of those made anew for one place, at most this many rays.
 const UNCACHED_RAYS: u32 = 64;
 /// The same behind reflections, where many rays ask.

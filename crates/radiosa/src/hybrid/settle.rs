@@ -13,7 +13,7 @@
 
 use rayon::prelude::*;
 
-use super::gather::{FinalGather, Reach, Sink};
+use super::gather::{FinalGather, Reach, Sink, near};
 use crate::math::Frame;
 use crate::radiosity::mesh::{self, POINTS};
 use crate::sampling::{Stream, rng, sequence, warp};
@@ -28,8 +28,6 @@ const RAYS: [usize; 2] = [64, 1024];
 const PLACES: usize = 16;
 /// Of the rays, one in so many is also a point of emissive surfaces.
 const DIRECT: usize = 4;
-/// More elements than this are left as they are: the rays of all would not be held.
-const MOST: usize = 1 << 18;
 /// Sweeps at most, and the relative change after which there is none.
 const SWEEPS: u32 = 200;
 const CHANGE: f32 = 2e-5;
@@ -44,14 +42,29 @@ struct Row {
 }
 
 impl FinalGather<'_> {
-    /// Gathers again onto the elements. Costs as much as about two million rays that look closely, more beyond 32 768 elements.
-    pub fn settled(mut self) -> Self {
+    /// Elements of which light can be found without a solution of another solver.
+    pub const MOST_ELEMENTS: usize = 1 << 18;
+
+    /// Gathers again onto the elements, with `rays` rays of each, about, and about two million in all, as far as 64 of each allow. Beyond [`Self::MOST_ELEMENTS`] the solution
+    /// stays as it is.
+    pub fn settled(mut self, rays: u32) -> Self {
         let n = self.irradiance.len();
-        if n == 0 || n > MOST {
+        if n == 0 || n > Self::MOST_ELEMENTS {
             return self;
         }
-        let rays = (BUDGET / n).clamp(RAYS[0], RAYS[1]);
-        let rows: Vec<Row> = (0..n).into_par_iter().map(|i| self.row(i as u32, rays)).collect();
+        if self.irradiance.iter().all(|e| e.is_black()) {
+            // Nothing is solved: a first look, to know how near elements may be taken as a whole.
+            self.settle(RAYS[0]);
+            self.near = near(self.mesh, &self.irradiance);
+        }
+        self.settle((BUDGET / n).min(rays as usize).clamp(RAYS[0], RAYS[1]));
+        self
+    }
+
+    /// Finds the light of all elements by `rays` rays of each.
+    fn settle(&mut self, rays: usize) {
+        let n = self.irradiance.len() as u32;
+        let rows: Vec<Row> = (0..n).into_par_iter().map(|i| self.row(i, rays)).collect();
         for _ in 0..SWEEPS {
             let mut change = 0.0f32;
             for (i, row) in rows.iter().enumerate() {
@@ -64,7 +77,6 @@ impl FinalGather<'_> {
                 break;
             }
         }
-        self
     }
 
     /// What rays from all over an element bring: from each of some points two sets of rays, each weighed by how much of the other one went far.

@@ -80,11 +80,23 @@ impl Patch {
     }
 }
 
+/// Twice the area vector.
+fn front([a, b, c, d]: [DVec3; 4], is_quad: bool) -> DVec3 {
+    if is_quad { (c - a).cross(d - b) } else { (b - a).cross(c - a) }
+}
+
 /// The parameters of a point of a quadrilateral or triangle as [`Patch::at`] takes them.
 pub(super) fn parameters([a, b, c, d]: [DVec3; 4], is_quad: bool, p: DVec3) -> [f64; 2] {
-    let n = if is_quad { area_vector(&[a, b, c, d]) } else { area_vector(&[a, b, c]) };
-    // Signed areas in the patch's plane, from which nothing but ratios are used.
-    let cross = |u: DVec3, v: DVec3| u.cross(v).dot(n);
+    // Signed areas in the plane of two axes that the patch covers best, from which nothing but ratios are used.
+    let n = front([a, b, c, d], is_quad).abs();
+    let [i, j] = if n.x >= n.y.max(n.z) {
+        [1, 2]
+    } else if n.y >= n.z {
+        [2, 0]
+    } else {
+        [0, 1]
+    };
+    let cross = |u: DVec3, v: DVec3| u[i] * v[j] - u[j] * v[i];
     let (x, e) = (p - a, b - a);
     if !is_quad {
         let whole = cross(e, c - a);
@@ -167,7 +179,7 @@ impl Patches {
     /// The patch a ray of direction `dir` met, and from which side; `None` for what has no patches.
     pub(super) fn side_at(&self, hit: &Hit, dir: Vec3) -> Option<(u32, Side)> {
         let index = self.of_triangle(InstanceId(hit.instance), hit.primitive)?;
-        let front = area_vector(self.patches[index as usize].corners());
+        let front = front(self.patches[index as usize].corners, self.patches[index as usize].is_quad);
         Some((index, if front.dot(dir.as_dvec3()) <= 0.0 { Side::Front } else { Side::Back }))
     }
 }

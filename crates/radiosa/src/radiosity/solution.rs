@@ -78,7 +78,32 @@ impl Solution {
         self.system.ambient(&self.unshot)
     }
 
-    /// Radiosities with that added, for pictures of solutions on their way: `B_i + ρ_i Amb`.
+    /// Without any light.
+    fn unsolved(mesh: ElementMesh, system: System) -> Self {
+        let n = system.n();
+        Self {
+            mesh,
+            radiosity: vec![[0.0; 3]; n],
+            irradiance: vec![[0.0; 3]; n],
+            unshot: vec![[0.0; 3]; n],
+            irradiance_error: Vec::new(),
+            sums: Sums::unknown(&system),
+            n_factors: 0,
+            balance: Balance::default(),
+            history: History::default(),
+            system,
+        }
+    }
+
+    /// The elements of a world without any light, for who finds it otherwise.
+    pub fn to_be_found(world: &World, settings: &Settings) -> Self {
+        let direct = settings.direct(world);
+        let mesh = ElementMesh::new(world, &settings.mesh, &direct);
+        let system = system(world, &mesh, &direct);
+        Self::unsolved(mesh, system)
+    }
+
+    /// Radiosities with the [`Self::ambient`] light added, for pictures of solutions on their way: `B_i + ρ_i Amb`.
     pub fn with_ambient(&self) -> Vec<[f64; 3]> {
         let ambient = self.ambient();
         let shown = |(b, rho): (&[f64; 3], &[f64; 3])| std::array::from_fn(|c| b[c] + rho[c] * ambient[c]);
@@ -222,21 +247,9 @@ impl<'a> Radiosity<'a> {
 
     /// With reflectances and emissions other than the world's, over the elements of `division`.
     pub fn with_system(world: &'a World, division: &'a Division, system: System, settings: &Settings) -> Self {
-        let n = system.n();
         let mesh = division.with_blocks.as_ref().map_or(&division.mesh, |(mesh, _)| mesh);
         let progress = Progress::new(division, settings, &system);
-        let mut solution = Solution {
-            mesh: division.mesh.clone(),
-            radiosity: vec![[0.0; 3]; n],
-            irradiance: vec![[0.0; 3]; n],
-            unshot: vec![[0.0; 3]; n],
-            irradiance_error: Vec::new(),
-            sums: Sums::unknown(&system),
-            n_factors: 0,
-            balance: Balance::default(),
-            history: History::default(),
-            system,
-        };
+        let mut solution = Solution::unsolved(division.mesh.clone(), system);
         let Solution { system, radiosity, irradiance, unshot, sums, .. } = &mut solution;
         Unknowns { radiosity, irradiance, unshot }.start(system);
         let balance = system.balance(sums, irradiance, radiosity, unshot);

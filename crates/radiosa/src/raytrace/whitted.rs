@@ -98,6 +98,8 @@ pub(crate) struct Asked<'a> {
     pub(crate) n: Vec3,
     /// Reflections and refractions between it and the eye.
     pub(crate) depth: u32,
+    /// Between the geometric normal and the direction it is seen from.
+    pub(crate) cos: f32,
 }
 
 /// Recursive ray tracing, ready to be asked.
@@ -132,7 +134,7 @@ impl Whitted {
     pub(crate) fn with_indirect(world: &World, settings: &Settings, forward: Vec3) -> Self {
         let glass = if settings.transparent_shadows { Glass::Clear(settings.fresnel) } else { Glass::Opaque };
         let lights = Lights::prepare_without_skies(world, &settings.lights, &settings.extra_lights);
-        Self::with_lights(world, settings, forward, lights.with_glass(glass).with_random_points(world), false)
+        Self::with_lights(world, settings, forward, lights.with_glass(glass).in_closed_form(world), false)
     }
 
     fn with_lights(world: &World, settings: &Settings, forward: Vec3, lights: Lights, sky_is_light: bool) -> Self {
@@ -419,7 +421,7 @@ impl Tracer<'_> {
                 }
                 let diffuse = shading.bsdf.diffuse_reflectance();
                 if !diffuse.is_black() {
-                    let asked = Asked { surface, n: shading.n, depth: reach.depth };
+                    let asked = Asked { surface, n: shading.n, depth: reach.depth, cos: surface.ng.dot(wo) };
                     indirect = lambertian_radiance(diffuse, source.irradiance(&asked, self.stream, self.n_rays));
                     local.diffuse += indirect;
                 }

@@ -2,11 +2,13 @@
 //! radiosity's displayed direct part share.
 
 use super::media::{self, Media};
+use super::polygons::{Brought, PolygonLights};
 use super::{Glass, Passage, Shading, Surface, World};
 use crate::bsdf::Lobes;
 use crate::bsdf::fresnel::Weighing;
 use crate::emitter::area;
 use crate::emitter::environment::Sky;
+use crate::emitter::polygon::Receiver;
 use crate::emitter::random::PointSampler;
 use crate::emitter::{Emitter, EnvironmentShadows, Incident};
 use crate::math::rounding;
@@ -75,6 +77,8 @@ pub struct Lights {
     glass: Glass,
     /// Draws points on emissive surfaces, instead of the fixed ones.
     random_points: Option<PointSampler>,
+    /// Of those the ones whose diffuse light is known without.
+    polygons: Option<PolygonLights>,
     /// Of the medium that lights with a place shine through, 1/m.
     absorption: Spectrum,
 }
@@ -138,7 +142,17 @@ impl Lights {
         let ambient = scene.ambient + emitters.iter().map(Emitter::ambient).sum();
         let few = emitters.iter().map(Emitter::n_directions).sum::<usize>() <= World::FEW_SEGMENTS;
         let glass = Glass::Clear(Weighing::Material);
-        Self { emitters, ambient, n_points, n_wanted, few, glass, random_points: None, absorption: Spectrum::BLACK }
+        Self {
+            emitters,
+            ambient,
+            n_points,
+            n_wanted,
+            few,
+            glass,
+            random_points: None,
+            polygons: None,
+            absorption: Spectrum::BLACK,
+        }
     }
 
     /// Light with a place shines through a medium that absorbs this, 1/m.
@@ -162,6 +176,13 @@ impl Lights {
             self.n_points = 0;
         }
         self
+    }
+
+    /// As [`Self::with_random_points`], but the diffuse light of what is large and flat comes in closed form, where its shadows can be cut out.
+    pub(crate) fn in_closed_form(self, world: &World) -> Self {
+        let mut lights = self.with_random_points(world);
+        lights.polygons = lights.random_points.as_ref().and_then(|_| PolygonLights::new(world.emissive()));
+        lights
     }
 
     /// Lights with a place or a direction, about.
@@ -272,9 +293,59 @@ impl Lights {
         let Some(sampler) = &self.random_points else {
             return self.gather(world, surface, shading, passage, Sources::in_front(&self.emitters), n_rays);
         };
+        let set = stream.next_set(n);
+        let is_known = |passage: &Passage<'_>| passage.media.current().is_none() && self.absorption.is_black();
+        let Some((polygons, passage)) =
+            self.polygons.as_ref().zip(passage.filter(is_known)).filter(|_| shading.bsdf.is_diffuse_lambertian())
+        else {
+            return self.gather_points(world, (surface, shading), passage, &self.emitters, (sampler, n, set), n_rays);
+        };
+        let mut light = self.gather(world, surface, shading, Some(passage), Sources::in_front(&self.emitters), n_rays);
+        let mut by_points = |sampler: &PointSampler, passage| {
+            self.gather_points(world, (surface, shading), passage, &[], (sampler, n, set), n_rays)
+        };
+        if let Some(rest) = polygons.rest() {
+            light.diffuse += by_points(rest, Some(passage)).diffuse;
+        }
+        if shading.bsdf.has_highlight() {
+            light.specular += by_points(sampler, Some(passage)).specular;
+        }
+        let diffuse = shading.bsdf.diffuse_reflectance();
+        if diffuse.is_black() {
+            return light;
+        }
+        let side = if surface.ng.dot(shading.n) >= 0.0 { surface.ng } else { -surface.ng };
+        let p = rounding::offset_origin(world.shadow_origin(surface, shading.n), surface.p_error, surface.ng, side);
+        let receiver = Receiver { p, n: shading.n, side };
+        for polygon in polygons.all() {
+            light.diffuse += match polygon.bring(world, &receiver, n, n_rays) {
+                Brought::Exactly(e) => lambertian_radiance(diffuse, e),
+                Brought::Partly(free) => {
+                    let points = (&polygon.sampler, n, set);
+                    let mut reach = |passage| self.gather_points(world, (surface, shading), passage, &[], points, n_rays).diffuse;
+                    let some = reach(Some(passage));
+                    match free.filter(|_| !some.is_black()) {
+                        Some(free) => lambertian_radiance(diffuse, free) * share(some, reach(None)),
+                        None => some,
+                    }
+                }
+            };
+        }
+        light
+    }
+
+    /// What some emitters do, and `n` points drawn on emissive surfaces.
+    fn gather_points(
+        &self,
+        world: &World,
+        (surface, shading): (&Surface, &Shading),
+        passage: Option<Passage<'_>>,
+        emitters: &[Emitter],
+        (sampler, n, (key, start)): (&PointSampler, u32, (u64, u32)),
+        n_rays: &mut u64,
+    ) -> LocalLight {
         // A few at a time, so that nothing is allocated.
         let mut light = LocalLight::default();
-        let (key, start) = stream.next_set(n);
         let place = sampler.seen_from(surface.p, shading.n);
         let mut points = [None; POINTS_AT_ONCE];
         for first in (0..n).step_by(POINTS_AT_ONCE) {
@@ -282,7 +353,7 @@ impl Lights {
             for (i, point) in points.iter_mut().take(here as usize).enumerate() {
                 *point = place.incident(start.wrapping_add(first + i as u32), n, key);
             }
-            let emitters = if first == 0 { &self.emitters[..] } else { &[] };
+            let emitters = if first == 0 { emitters } else { &[] };
             let sources = Sources { emitters, points: &points[..here as usize], side: Side::Front };
             let part = self.gather(world, surface, shading, passage, sources, n_rays);
             light.diffuse += part.diffuse;
@@ -374,6 +445,12 @@ impl Lights {
         }
         light
     }
+}
+
+/// By channel, what `some` is of `all`.
+fn share(some: Spectrum, all: Spectrum) -> Spectrum {
+    let of = |some: f32, all: f32| if all > 0.0 { some / all } else { 0.0 };
+    Spectrum::new(of(some.r, all.r), of(some.g, all.g), of(some.b, all.b))
 }
 
 /// Shadow rays of one point, asked eight at a time: towards an emitter's points they keep together, which packets like.

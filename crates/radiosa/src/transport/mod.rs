@@ -9,6 +9,7 @@ pub(crate) mod footprint;
 pub mod framing;
 mod integrator;
 pub(crate) mod media;
+mod polygons;
 mod shading;
 mod solver;
 mod surface;
