@@ -106,10 +106,30 @@ impl Cache {
         }
     }
 
+    /// How noisy gathers are around a place: the mean error of those whose records reach there, each `stretched` as far as it does by itself, as if they had one ray.
+    pub(super) fn noise(&self, p: Vec3, n: Vec3, stretched: f32) -> Option<f32> {
+        let (mut sum, mut count) = (0.0, 0.0);
+        self.each(p, n, stretched, |record, _| {
+            sum += record.gathered.error_of_one();
+            count += 1.0;
+        });
+        (count > 0.0).then(|| sum / count)
+    }
+
     /// Interpolated where some record reaches, each `stretched` as far as it does by itself.
     pub fn irradiance(&self, p: Vec3, n: Vec3, stretched: f32) -> Option<Spectrum> {
-        let accuracy = self.accuracy * stretched;
         let (mut sum, mut weights) = (Spectrum::BLACK, 0.0);
+        self.each(p, n, stretched, |record, weight| {
+            sum += record.gathered.at(p - record.p, record.n.cross(n)) * weight;
+            weights += weight;
+        });
+        (weights > 1e-6).then(|| sum * (1.0 / weights))
+    }
+
+    /// The records that reach a place, each `stretched` as far as it does by itself, with their weights.
+    #[inline(always)]
+    fn each(&self, p: Vec3, n: Vec3, stretched: f32, mut take: impl FnMut(&Record, f32)) {
+        let accuracy = self.accuracy * stretched;
         let (mut node, mut cube) = (0, (self.middle, self.half));
         loop {
             for &index in &self.nodes[node].records {
@@ -124,9 +144,7 @@ impl Cache {
                 if error >= accuracy || from.dot(n + record.n) < -2.0 * BELOW * record.radius {
                     continue;
                 }
-                let weight = (1.0 - error / accuracy).powi(2);
-                sum += record.gathered.at(from, record.n.cross(n)) * weight;
-                weights += weight;
+                take(record, (1.0 - error / accuracy).powi(2));
             }
             let first = self.nodes[node].children;
             if first == 0 {
@@ -136,7 +154,6 @@ impl Cache {
             cube = child_of(cube, child);
             node = first as usize + child;
         }
-        (weights > 1e-6).then(|| sum * (1.0 / weights))
     }
 }
 

@@ -8,7 +8,8 @@ use std::cell::RefCell;
 use rayon::prelude::*;
 
 use super::Hybrid;
-use crate::math::{Vec3, function};
+use super::gather::Gathered;
+use crate::math::Vec3;
 use crate::raytrace::whitted::{Asked, Indirect};
 use crate::sampling::{Stream, rng};
 use crate::spectrum::Spectrum;
@@ -20,11 +21,9 @@ const FIRST: u32 = 64;
 const LAST: u32 = 2;
 /// Gathers made at once: later ones of a pass know the earlier ones.
 const AT_ONCE: usize = 256;
-/// Of the error allowed to the cache, the part that the noise of gathers may have; those that have more get more rays, up to so many times as many. The error falls by about
-/// the 0.7th power of them.
+/// Of the error allowed to the cache, the part that the noise of gathers may have; where those around have more they get more rays, up to so many times as many.
 const NOISE: f32 = 0.06;
 const MORE: f32 = 6.0;
-const ORDER: f32 = 1.4;
 /// Records reach this many pixels at least.
 const LEAST: f32 = 3.0;
 /// And this part of the picture's longer side at most: where light changes little, many records with few rays each are as quiet as few with many, and bend less.
@@ -106,16 +105,14 @@ impl<'a> Solver for Filling<'a, '_> {
             let gather = |(i, w): (usize, &&Wanted)| {
                 let key = rng::key(&[hybrid.settings.seed, first + i as u64, 0x6761_7468_6572]);
                 let mut n_rays = 0;
-                let rays = hybrid.settings.rays;
+                // (Its own error may not decide: what is bright by chance has a large one, too, and would count for less.)
+                let known = hybrid.cache.noise(w.surface.p, w.n, super::STRETCHED).unwrap_or_else(|| {
+                    let look = hybrid.gather.gather(&w.surface, w.n, hybrid.settings.rays, rng::mix(key), &mut n_rays);
+                    look.error_of_one()
+                });
+                let rays = hybrid.settings.rays as f32;
+                let rays = Gathered::rays_for(allowed, known).clamp(rays, MORE * rays) as u32;
                 let gathered = hybrid.gather.gather(&w.surface, w.n, rays, key, &mut n_rays);
-                let wanted = function::pow(gathered.error / allowed, ORDER).min(MORE) * rays as f32;
-                let more = wanted as u32 - rays.min(wanted as u32);
-                let gathered = if more > rays / 4 {
-                    let second = hybrid.gather.gather(&w.surface, w.n, more, rng::mix(key), &mut n_rays);
-                    gathered.with(&second, more as f32 / (rays + more) as f32)
-                } else {
-                    gathered
-                };
                 (gathered, n_rays)
             };
             let gathered: Vec<_> = unknown.par_iter().enumerate().map(gather).collect();

@@ -72,20 +72,22 @@ pub struct Gathered {
     pub distance: f32,
     /// Standard error of the irradiance's luminance, about, relative to it: from the differences between neighbouring cells.
     pub error: f32,
+    /// How many it is of.
+    pub rays: u32,
 }
 
+/// One over the power of their number by which errors of gathers fall.
+const ORDER: f32 = 1.4;
+
 impl Gathered {
-    /// The mean of it and another, which counts by `share` of one.
-    pub(super) fn with(&self, other: &Self, share: f32) -> Self {
-        let own = 1.0 - share;
-        let mix = |a: [Vec3; 3], b: [Vec3; 3]| std::array::from_fn(|c| a[c] * own + b[c] * share);
-        Self {
-            irradiance: self.irradiance * own + other.irradiance * share,
-            translation: mix(self.translation, other.translation),
-            rotation: mix(self.rotation, other.rotation),
-            distance: 1.0 / (own / self.distance + share / other.distance),
-            error: ((own * self.error).powi(2) + (share * other.error).powi(2)).sqrt(),
-        }
+    /// The error it would have with one ray: errors fall by about the 0.7th power of their number.
+    pub(super) fn error_of_one(&self) -> f32 {
+        self.error * function::pow(self.rays as f32, 1.0 / ORDER)
+    }
+
+    /// Rays that a gather needs for an error, where it would have `error_of_one` with one.
+    pub(super) fn rays_for(error: f32, error_of_one: f32) -> f32 {
+        function::pow(error_of_one / error, ORDER)
     }
 
     /// Carried along by some way, and turned around an axis.
@@ -174,6 +176,7 @@ impl<'a> FinalGather<'a> {
         let mean = gathered.irradiance.luminance();
         gathered.error = if mean > 0.0 { (differences / 4.0).sqrt() / mean } else { 0.0 };
         gathered.irradiance *= PI / count;
+        gathered.rays = m * turns;
         gathered.rotation = gathered.rotation.map(|g| g * (PI / count));
         gathered.distance = if nearness > 0.0 { count / nearness } else { f32::INFINITY };
         gathered
