@@ -5,6 +5,7 @@ mod common;
 
 use std::f64::consts::{PI, TAU};
 
+use common::chi_square::Cells;
 use common::{scene_of, world_of};
 use radiosa::bsdf::{Bsdf, FactorsOnly, Highlights, Scatter, Way};
 use radiosa::math::{DVec3, Ray, Vec3};
@@ -192,35 +193,14 @@ fn gltf_glass_shows_its_directional_albedo() {
 
 /// χ² of drawn directions over cells of the whole sphere against the integral of a density, as a normal number.
 fn chi_square(scatter: &Scatter, pdf: impl Fn(Vec3) -> f32) -> f64 {
-    const ROWS: usize = 24;
-    const COLUMNS: usize = 24;
-    const FINE: usize = 48;
-    const N: u32 = 100_000;
-    let mut expected = vec![0.0; ROWS * COLUMNS];
-    for (k, e) in expected.iter_mut().enumerate() {
-        for i in 0..FINE * FINE {
-            let z = 2.0 * ((k / COLUMNS) as f64 + ((i / FINE) as f64 + 0.5) / FINE as f64) / ROWS as f64 - 1.0;
-            let phi = TAU * ((k % COLUMNS) as f64 + ((i % FINE) as f64 + 0.5) / FINE as f64) / COLUMNS as f64;
-            let r = (1.0 - z * z).max(0.0).sqrt();
-            let wi = Vec3::new((r * phi.cos()) as f32, (r * phi.sin()) as f32, z as f32);
-            *e += f64::from(pdf(wi)) * 2.0 * TAU / (ROWS * COLUMNS * FINE * FINE) as f64 * f64::from(N);
-        }
-    }
-    let mut count = vec![0.0; ROWS * COLUMNS];
-    let mut stream = Stream::new(5, 6, 7);
-    for _ in 0..N {
-        let Some(drawn) = scatter.sample(stream.next_2d(), stream.next_f32()) else { continue };
+    let draw = |stream: &mut Stream| {
+        let drawn = scatter.sample(stream.next_2d(), stream.next_f32())?;
         let Way::Rough { pdf } = drawn.way else { panic!("nothing is perfect") };
         let (lobes, again) = scatter.evaluate(drawn.wi);
         assert!((again / pdf - 1.0).abs() < 1e-4 && (lobes.sum().g / pdf - drawn.weight.sum().g).abs() < 1e-3);
-        let turn = f64::from(drawn.wi.y).atan2(f64::from(drawn.wi.x)).rem_euclid(TAU) / TAU;
-        let row = (((f64::from(drawn.wi.z) + 1.0) * 0.5 * ROWS as f64) as usize).min(ROWS - 1);
-        count[row * COLUMNS + ((turn * COLUMNS as f64) as usize).min(COLUMNS - 1)] += 1.0;
-    }
-    let terms: Vec<f64> =
-        expected.iter().zip(&count).filter(|(e, _)| **e > 10.0).map(|(e, c): (&f64, &f64)| (c - e).powi(2) / e).collect();
-    let n = terms.len() as f64;
-    ((terms.iter().sum::<f64>() / n).cbrt() - (1.0 - 2.0 / (9.0 * n))) / (2.0 / (9.0 * n)).sqrt()
+        Some(drawn.wi)
+    };
+    Cells { lowest: -1.0, rows: 24, columns: 24, fine: 48 }.chi_square(100_000, draw, pdf).0
 }
 
 #[test]

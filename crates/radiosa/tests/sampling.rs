@@ -6,6 +6,7 @@ mod common;
 
 use std::f64::consts::{PI, TAU};
 
+use common::chi_square::{Cells, chi_square};
 use common::{scene_of, world_of};
 
 use radiosa::bsdf::microfacet::{self, Angles};
@@ -20,38 +21,9 @@ const N: u32 = 200_000;
 /// Once in 10⁹ by chance.
 const LIMIT: f64 = 6.0;
 
-/// χ² of counts that were expected, as a normal number (Wilson and Hilferty).
-fn chi_square(expected: &[f64], count: &[f64]) -> f64 {
-    let cells = expected.iter().zip(count).filter(|(e, _)| **e > 10.0);
-    let terms: Vec<f64> = cells.map(|(e, c): (&f64, &f64)| (c - e).powi(2) / e).collect();
-    let n = terms.len() as f64;
-    ((terms.iter().sum::<f64>() / n).cbrt() - (1.0 - 2.0 / (9.0 * n))) / (2.0 / (9.0 * n)).sqrt()
-}
-
-/// Of directions on the sphere, over cells of height and longitude.
+/// χ² of directions on the sphere, over cells of height and longitude.
 fn of_directions(draw: impl Fn(&mut Stream) -> Option<Vec3>, pdf: impl Fn(Vec3) -> f32) -> f64 {
-    const ROWS: usize = 24;
-    const COLUMNS: usize = 24;
-    const FINE: usize = 32;
-    let mut expected = vec![0.0; ROWS * COLUMNS];
-    for (k, e) in expected.iter_mut().enumerate() {
-        for i in 0..FINE * FINE {
-            let z = 2.0 * ((k / COLUMNS) as f64 + ((i / FINE) as f64 + 0.5) / FINE as f64) / ROWS as f64 - 1.0;
-            let phi = TAU * ((k % COLUMNS) as f64 + ((i % FINE) as f64 + 0.5) / FINE as f64) / COLUMNS as f64;
-            let r = (1.0 - z * z).max(0.0).sqrt();
-            let w = Vec3::new((r * phi.cos()) as f32, (r * phi.sin()) as f32, z as f32);
-            *e += f64::from(pdf(w)) * 2.0 * TAU / (ROWS * COLUMNS * FINE * FINE) as f64 * f64::from(N);
-        }
-    }
-    let mut count = vec![0.0; ROWS * COLUMNS];
-    let mut stream = Stream::new(5, 6, 7);
-    for _ in 0..N {
-        let Some(w) = draw(&mut stream) else { continue };
-        let turn = f64::from(w.y).atan2(f64::from(w.x)).rem_euclid(TAU) / TAU;
-        let row = (((f64::from(w.z) + 1.0) * 0.5 * ROWS as f64) as usize).min(ROWS - 1);
-        count[row * COLUMNS + ((turn * COLUMNS as f64) as usize).min(COLUMNS - 1)] += 1.0;
-    }
-    chi_square(&expected, &count)
+    Cells { lowest: -1.0, rows: 24, columns: 24, fine: 32 }.chi_square(N, draw, pdf).0
 }
 
 /// Of points on the unit square, over square cells.
@@ -73,7 +45,7 @@ fn of_points(draw: impl Fn(Vec2) -> Vec2, pdf: impl Fn(Vec2) -> f32) -> f64 {
         let cell = |x: f32| ((f64::from(x) * SIDE as f64) as usize).min(SIDE - 1);
         count[cell(p.x) * SIDE + cell(p.y)] += 1.0;
     }
-    chi_square(&expected, &count)
+    chi_square(&expected, &count).0
 }
 
 /// The routine follows its density, and another density is caught.

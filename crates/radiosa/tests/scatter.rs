@@ -2,8 +2,11 @@
 //! Each with a wrong twin that is caught.
 #![expect(clippy::print_stdout, reason = "tests say what they measured")]
 
+mod common;
+
 use std::f64::consts::TAU;
 
+use common::chi_square::Cells;
 use radiosa::bsdf::{Bsdf, FactorsOnly, Highlights, Scatter, Way};
 use radiosa::math::Vec3;
 use radiosa::sampling::Stream;
@@ -139,38 +142,13 @@ fn mean_weights_are_the_directional_albedos_of_the_table() {
 
 /// χ² of drawn directions over cells of height and longitude against the integral of the density `pdf` gives, with the cells that count.
 fn chi_square(scatter: &Scatter, pdf: impl Fn(Vec3) -> f32) -> (f64, f64) {
-    const ROWS: usize = 12;
-    const COLUMNS: usize = 24;
-    const FINE: usize = 24;
-    const N: u32 = 100_000;
-    let dir = |z: f64, phi: f64| {
-        let r = (1.0 - z * z).max(0.0).sqrt();
-        Vec3::new((r * phi.cos()) as f32, (r * phi.sin()) as f32, z as f32)
-    };
-    let mut expected = vec![0.0; ROWS * COLUMNS];
-    for (k, e) in expected.iter_mut().enumerate() {
-        for i in 0..FINE * FINE {
-            let z = ((k / COLUMNS) as f64 + ((i / FINE) as f64 + 0.5) / FINE as f64) / ROWS as f64;
-            let phi = TAU * ((k % COLUMNS) as f64 + ((i % FINE) as f64 + 0.5) / FINE as f64) / COLUMNS as f64;
-            *e += f64::from(pdf(dir(z, phi))) * TAU / (ROWS * COLUMNS * FINE * FINE) as f64 * f64::from(N);
-        }
-    }
-    let mut count = vec![0.0; ROWS * COLUMNS];
-    let mut stream = Stream::new(5, 6, 7);
-    for _ in 0..N {
-        let Some(drawn) = scatter.sample(stream.next_2d(), stream.next_f32()) else { continue };
-        let Way::Rough { pdf } = drawn.way else { continue };
+    let draw = |stream: &mut Stream| {
+        let drawn = scatter.sample(stream.next_2d(), stream.next_f32())?;
+        let Way::Rough { pdf } = drawn.way else { return None };
         assert!((scatter.evaluate(drawn.wi).1 / pdf - 1.0).abs() < 1e-4);
-        let turn = f64::from(drawn.wi.y).atan2(f64::from(drawn.wi.x)).rem_euclid(TAU) / TAU;
-        let row = ((f64::from(drawn.wi.z) * ROWS as f64) as usize).min(ROWS - 1);
-        count[row * COLUMNS + ((turn * COLUMNS as f64) as usize).min(COLUMNS - 1)] += 1.0;
-    }
-    let cells = expected.iter().zip(&count).filter(|(e, _)| **e > 10.0);
-    let terms: Vec<f64> = cells.map(|(e, c): (&f64, &f64)| (c - e).powi(2) / e).collect();
-    let n = terms.len() as f64;
-    // Wilson–Hilferty: about normal.
-    let z = ((terms.iter().sum::<f64>() / n).cbrt() - (1.0 - 2.0 / (9.0 * n))) / (2.0 / (9.0 * n)).sqrt();
-    (z, n)
+        Some(drawn.wi)
+    };
+    Cells { lowest: 0.0, rows: 12, columns: 24, fine: 24 }.chi_square(100_000, draw, pdf)
 }
 
 /// Every model that is sampled, in its variants; rough glass is in `rough_glass.rs`.

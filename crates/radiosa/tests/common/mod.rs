@@ -1,6 +1,8 @@
 //! Scenes written out as text, and what several suites ask of them.
 #![allow(dead_code, reason = "every suite is a program of its own, and none asks for all of it")]
 
+pub(crate) mod chi_square;
+
 use std::path::Path;
 
 use radiosa::math::{CpuPath, Ray, Vec3};
