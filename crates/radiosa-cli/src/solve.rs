@@ -146,15 +146,30 @@ pub(crate) fn saved_or_solved(
 /// A new solution for a hybrid, which finds the light of elements by itself: nothing is solved before unless a solver is asked for, or elements are too many for that.
 ///
 /// # Errors
-/// When solving takes too much memory.
+/// When the mesh or solving takes too much memory.
 pub(crate) fn to_gather_from(world: &World, settings: &Settings, work: &Work, bar: &progress::Progress) -> Result<Found, Error> {
     if matches!(settings.solver, solve::Solver::Auto) && settings.refine.levels == 0 {
+        elements_within_memory(world, settings, work)?;
         let solution = Solution::to_be_found(world, settings);
         if solution.mesh.elements().len() <= FinalGather::MOST_ELEMENTS {
             return Ok(Found { solution, done: 1.0, links: None });
         }
     }
     saved_or_solved(world, settings, None, work, bar)
+}
+
+/// The mesh can be held, as far as that can be told before it is made.
+///
+/// # Errors
+/// When it cannot.
+fn elements_within_memory(world: &World, settings: &Settings, work: &Work) -> Result<(), Error> {
+    let n = ElementMesh::estimate(world, &settings.mesh);
+    plan::within_memory_or(
+        &format!("a mesh of about {n} elements"),
+        n.saturating_mul(file::BYTES_AN_ELEMENT),
+        work,
+        "ask for fewer --elements, a larger --element-size, or a larger --max-memory",
+    )
 }
 
 /// What progress is counted in.
@@ -215,13 +230,7 @@ fn solved(
     save: Option<&Save>,
 ) -> Result<Solved, Error> {
     let start = Instant::now();
-    let n = ElementMesh::estimate(world, &settings.mesh);
-    plan::within_memory_or(
-        &format!("a mesh of about {n} elements"),
-        n.saturating_mul(file::BYTES_AN_ELEMENT),
-        work,
-        "ask for fewer --elements, a larger --element-size, or a larger --max-memory",
-    )?;
+    elements_within_memory(world, settings, work)?;
     let (mut division, mut before) = match state {
         Some((division, solution, progress)) => (division, Some((solution, progress))),
         None => (Division::new(world, settings), None),

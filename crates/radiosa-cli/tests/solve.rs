@@ -348,3 +348,17 @@ fn what_is_unfinished_or_without_effect_is_said() {
     let said = String::from_utf8_lossy(&measured.expect("it starts").stderr).into_owned();
     assert!(said.contains("warning[unfinished]"), "{said}");
 }
+
+#[test]
+fn meshes_that_cannot_be_held_are_refused_before_they_are_made() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let options = ["--element-size", "1e-5", "--max-memory", "200M", "--size", "32x32", "-o", "x.png"];
+    for method in ["radiosity", "hybrid"] {
+        let output = radiosa(dir.path(), &[&["render", "cornell-box", "--method", method][..], &options].concat());
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(
+            !output.status.success() && error.contains("a mesh of about") && error.contains("--element-size"),
+            "{method}: {error}"
+        );
+    }
+}
