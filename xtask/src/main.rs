@@ -107,7 +107,7 @@ fn pictures() -> Result<()> {
     let shadow =
         ["shadow", "--method", "radiosity", "--refine", "0", "--elements", "600", "--discontinuities", "1", "--size", "480x340"];
     let pictures: [(&str, &[&str]); 9] = [
-        ("docs/pictures/cornell-box.png", &["cornell-box", "--size", "480x480", "--emitters", "8"]),
+        ("docs/pictures/cornell-box.png", &["cornell-box", "--size", "480x480"]),
         ("docs/pictures/room.png", &["room", "--size", "480x360"]),
         ("docs/pictures/whitted.png", &["whitted", "--size", "480x360"]),
         ("docs/pictures/phong-spheres.png", &["phong-spheres", "--size", "480x360"]),

@@ -243,7 +243,7 @@ fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec
     };
     let final_gather = FinalGather::new(world, &solution, &[], args.seed);
     if args.method == MeasureMethod::Hybrid {
-        return Ok(by_rays(&final_gather.settled(SETTLING), &(0..sensors.len()).collect::<Vec<_>>()));
+        return Ok(by_rays(&final_gather.settled(SETTLING, &|| false), &(0..sensors.len()).collect::<Vec<_>>()));
     }
     let is_narrow = |&k: &usize| final_gather.nearness(&placed[k].0, placed[k].1, key(k)) > NARROW;
     let narrow: Vec<usize> = match solution.system.medium.is_clear() {

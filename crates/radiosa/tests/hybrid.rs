@@ -27,7 +27,7 @@ const SIZE: u32 = 48;
 fn picture(world: &World, solution: &Solution, settings: &Settings, layers: &[Layer]) -> Film {
     let camera = world.scene().cameras.first().cloned().unwrap_or_else(|| framing::automatic(world, 1.0));
     let view = View::new(&camera, world.origin(), SIZE, SIZE);
-    let mut hybrid = Hybrid::new(world, world, solution, settings, view.forward());
+    let mut hybrid = Hybrid::new(world, world, solution, settings, view.forward(), &|| false);
     let mut filling = Filling::new(&mut hybrid, &view, (SIZE, SIZE));
     while let Step::Working { .. } = filling.step(world) {}
     assert!((settings.cache > 0.0) == (hybrid.n_records() > 0));
@@ -66,7 +66,7 @@ fn sensors_of_the_cornell_box_have_the_irradiances_of_its_reference() {
     let reference: Value = serde_json::from_str(&text).expect("it is JSON");
     let world = world_of(radiosa::import::sample::load("cornell-box").expect("it is built in"));
     let solution = solved(&world, 500);
-    let gather = FinalGather::new(&world, &solution, &[], 0).settled(1024);
+    let gather = FinalGather::new(&world, &solution, &[], 0).settled(1024, &|| false);
     let off = |gather: &FinalGather| {
         let (mut sum, mut signed, mut n, mut worst, mut pulls) = (0.0, 0.0, 0.0, 0.0f64, 0.0);
         for (k, point) in reference["points"].as_array().expect("points").iter().enumerate() {
@@ -123,7 +123,7 @@ fn few_elements_gathered_again_lose_no_light_in_a_white_room() {
     let [few, many] = [200, 6000].map(|n| solved(&world, n));
     let of = |solution, settles| {
         let gather = FinalGather::new(&world, solution, &[], 0);
-        mean(&if settles { gather.settled(1024) } else { gather })
+        mean(&if settles { gather.settled(1024, &|| false) } else { gather })
     };
     // Many elements say nearly the same as they are; the twin takes few as they are.
     let truth = of(&many, true);
@@ -205,7 +205,7 @@ fn both_decompositions_sum_to_the_picture() {
         let in_it = tessellated.as_ref().unwrap_or(&exact);
         let solution = solved(in_it, 300);
         let view = View::new(&exact.scene().cameras[0].clone(), exact.origin(), SIZE, SIZE);
-        let hybrid = Hybrid::new(&exact, in_it, &solution, &settings(16, 0.0), view.forward());
+        let hybrid = Hybrid::new(&exact, in_it, &solution, &settings(16, 0.0), view.forward(), &|| false);
         let mut layers = vec![Layer::Color];
         for decomposition in [Decomposition::Lobe, Decomposition::Path] {
             layers.extend(decomposition.layers().iter().filter(|l| !layers.contains(l)).copied().collect::<Vec<_>>());

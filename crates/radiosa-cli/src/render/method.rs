@@ -12,12 +12,12 @@ use radiosa::radiosity::lines;
 use radiosa::raytrace::{PathTracer, RayCast, Whitted, adaptive, path, ray_cast, tiles, whitted};
 use radiosa::sampling::Stream;
 use radiosa::scanline::{self, ScanLine};
-use radiosa::scene::{Light, Material, Model};
+use radiosa::scene::{Light, Model};
 use radiosa::transport::{self, Integrator, Solver, Step, View, World, default_light};
 
-use super::output;
 use super::plan::Stage;
 use super::progressive::{self, Sampled, Save};
+use super::{auto, output};
 use crate::args::{self, Method, OnOff, Picture, Work};
 use crate::error::Error;
 use crate::interrupt;
@@ -32,39 +32,25 @@ pub(crate) struct Choice {
     pub(crate) why: Option<&'static str>,
 }
 
-/// Decides about `auto`.
-pub(crate) fn choose(picture: &Picture, world: &World) -> Result<Choice, Error> {
+/// Decides about `auto`, with the `time` there is and the options that were typed.
+///
+/// # Errors
+/// When options do not go with the method asked for.
+pub(crate) fn choose(picture: &Picture, stage: &Stage, time: Option<Duration>, given: &[String]) -> Result<Choice, Error> {
     let has_links = picture.radiosity.solver == args::Solver::Hierarchical && picture.solution.is_none();
     if picture.overlay.contains(&args::Overlay::Links) && !has_links {
         return Err(Error::Misuse("--overlay links wants --solver hierarchical, and a solution made on the spot".into()));
     }
-    if picture.solution.is_some() || picture.show == args::Show::Irradiance {
-        return match picture.method {
-            Method::Auto => Ok(Choice { method: Method::Radiosity, why: Some("it is asked for what radiosity knows") }),
-            Method::Radiosity => Ok(Choice { method: Method::Radiosity, why: None }),
-            Method::Hybrid if picture.show == args::Show::Radiance => Ok(Choice { method: Method::Hybrid, why: None }),
-            _ => {
-                Err(Error::Misuse("--solution goes with --method radiosity and hybrid, --show irradiance with radiosity".into()))
-            }
-        };
+    let choice = auto::by_options(picture, given).unwrap_or_else(|| auto::by_scene(picture, stage, time, given));
+    let shows = match choice.method {
+        Method::Radiosity => true,
+        Method::Hybrid => picture.show == args::Show::Radiance,
+        _ => picture.solution.is_none() && picture.show == args::Show::Radiance,
+    };
+    if !shows {
+        return Err(Error::Misuse("--solution goes with --method radiosity and hybrid, --show irradiance with radiosity".into()));
     }
-    Ok(match picture.method {
-        Method::Auto if world.scene().materials.iter().any(reflects_or_refracts) => {
-            Choice { method: Method::Whitted, why: Some("the scene has mirrors or glass") }
-        }
-        Method::Auto => Choice { method: Method::Raycast, why: Some("the scene has neither mirrors nor glass") },
-        method => Choice { method, why: None },
-    })
-}
-
-/// True for mirrors, glass, and metals that are nearly mirrors.
-fn reflects_or_refracts(material: &Material) -> bool {
-    material.transmits()
-        || match &material.model {
-            Model::Phong(m) => !m.mirror.is_black(),
-            Model::CookTorrance(_) => false,
-            Model::MetallicRoughness(m) => m.metallic.factor > 0.5 && m.roughness.factor < 0.2 && !material.unlit,
-        }
+    Ok(choice)
 }
 
 impl Choice {
@@ -150,7 +136,7 @@ impl Choice {
 }
 
 /// The methods that look at an option, where that is not all of them.
-fn methods_of(option: &str) -> Option<&'static [Method]> {
+pub(crate) fn methods_of(option: &str) -> Option<&'static [Method]> {
     use Method::{Hybrid, Path, Radiosity, Raycast, Scanline, Whitted};
     Some(match option {
         "interpolation" | "cull" | "tessellation" => &[Scanline],
@@ -348,15 +334,17 @@ pub(crate) fn draw(
             let rings = solve::rings(&picture.radiosity, picture.solution.as_deref())?;
             let tessellated = radiosa::radiosity::tessellated(world, rings)?;
             let solved_in = tessellated.as_ref().unwrap_or(world);
-            let settings = solve::settings_to_gather_from(&picture.radiosity, 2000, picture.seed, &lighting.extra_lights);
+            let settings =
+                solve::settings_to_gather_from(&picture.radiosity, solve::TO_GATHER_FROM, picture.seed, &lighting.extra_lights);
             let saved = picture.solution.as_deref();
             let found = if saved.is_none() && !picture.overlay.contains(&args::Overlay::Links) {
                 solve::to_gather_from(solved_in, &settings, &watch.work, &watch.progress)?
             } else {
                 solve::saved_or_solved(solved_in, &settings, saved, &watch.work, &watch.progress)?
             };
-            let mut hybrid =
-                Hybrid::new(world, solved_in, &found.solution, &hybrid_settings(stage, picture, lighting), view.forward());
+            let settings = hybrid_settings(stage, picture, lighting);
+            let is_over = || is_over(watch.start, &watch.work);
+            let mut hybrid = Hybrid::new(world, solved_in, &found.solution, &settings, view.forward(), &is_over);
             let mut filling = hybrid::Filling::new(&mut hybrid, view, (sampling.width, sampling.height));
             let filled = watch.run(&mut filling, world, hybrid::Filling::n_rays);
             let n_rays = filling.n_rays();

@@ -1,6 +1,7 @@
 //! The verb `render`, and what other verbs need to draw a picture: `plan` prepares a scene, `method` draws it, `output` says how it looks and
 //! was made.
 
+mod auto;
 pub(crate) mod method;
 pub(crate) mod output;
 pub(crate) mod plan;
@@ -15,7 +16,7 @@ use radiosa::export::image::{self, ExrDepth, PngDepth};
 use radiosa::import::Warning;
 use serde_json::json;
 
-use crate::args::{self, Render, Work};
+use crate::args::{self, Picture, Render, Work};
 use crate::error::Error;
 use crate::false_color;
 use crate::interrupt;
@@ -59,9 +60,10 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
         return Ok(ExitCode::from(130));
     }
     let n_primitives = scene.n_primitives();
-    let stage = Stage::new(scene, picture, work)?;
+    let stage = Stage::new(scene, picture, &args.given, work)?;
     let layers = plan::layers(&args.layers, &outputs);
-    let choice = method::choose(picture, &stage.world)?;
+    let choice = method::choose(picture, &stage, work.time, &args.given)?;
+    let picture = &Picture { method: choice.method, ..picture.clone() };
     let what = format!("a picture of {}x{} with its scene", stage.size.width, stage.size.height);
     plan::within_memory(&what, stage.memory_with(&layers) + choice.memory(&stage, picture, &layers), work)?;
     let begun = Instant::now();

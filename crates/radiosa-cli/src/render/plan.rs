@@ -10,6 +10,7 @@ use radiosa::scene::{Camera, Environment, EnvironmentRadiance, Filter, Projectio
 use radiosa::spectrum::Spectrum;
 use radiosa::transport::{View, World, framing};
 
+use super::auto;
 use crate::args::{self, Method, OnOff, Picture, SceneChanges, Size, TextureFilter, Work};
 use crate::error::Error;
 use crate::solve;
@@ -27,13 +28,14 @@ pub(crate) struct Stage {
 }
 
 impl Stage {
-    /// Prepares a scene.
+    /// Prepares a scene for the method that is asked for, or that the `given` options, those that were typed, are for.
     ///
     /// # Errors
     /// When it takes too much memory, is wrong, or has no such camera.
-    pub(crate) fn new(mut scene: Scene, picture: &Picture, work: &Work) -> Result<Self, Error> {
+    pub(crate) fn new(mut scene: Scene, picture: &Picture, given: &[String], work: &Work) -> Result<Self, Error> {
         let cpu_path = cpu_path(work.cpu_path)?;
-        if picture.method == Method::Radiosity || picture.solution.is_some() || picture.show == args::Show::Irradiance {
+        if auto::by_options(picture, given).is_some_and(|choice| choice.method == Method::Radiosity) || picture.solution.is_some()
+        {
             radiosa::radiosity::tessellate(&mut scene, solve::rings(&picture.radiosity, picture.solution.as_deref())?);
         }
         let memory = scene_memory(&scene);

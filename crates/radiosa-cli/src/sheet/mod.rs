@@ -242,17 +242,17 @@ fn cell_size(cell: &Cell, work: &Work, warnings: &mut Vec<Warning>) -> Result<Si
     if let Some(size) = cell.picture.size {
         return Ok(size);
     }
-    let Size { width, height } = stage(cell, work, warnings)?.size;
+    let Size { width, height } = stage(cell, &[], work, warnings)?.size;
     let scaled = |side: u32| ((f64::from(side) * CELL / f64::from(width.max(height))).round() as u32).max(1);
     Ok(Size { width: scaled(width), height: scaled(height) })
 }
 
-fn stage(cell: &Cell, work: &Work, warnings: &mut Vec<Warning>) -> Result<Stage, Error> {
+fn stage(cell: &Cell, options: &[String], work: &Work, warnings: &mut Vec<Warning>) -> Result<Stage, Error> {
     let scene = match figure::scene(&cell.scene, &cell.picture.scene.set) {
         Some(scene) => plan::adjust(scene?, &cell.picture.scene, work)?,
         None => plan::load(&cell.scene, &cell.picture.scene, work, warnings)?,
     };
-    Stage::new(scene, &cell.picture, work)
+    Stage::new(scene, &cell.picture, options, work)
 }
 
 /// Draws what there is time for; cells that differ in their layer only share a drawing. Of the `options`, those that have no effect in any cell are said.
@@ -274,8 +274,9 @@ fn draw_all(cells: &[Cell], options: &[String], work: &Work, warnings: &mut Vec<
         let mut layers: Vec<Layer> = group.iter().map(|&j| cells[j].layer).collect();
         layers.extend([Layer::Color, Layer::Alpha]);
         let picture: &Picture = &cells[i].picture;
-        let stage = stage(&cells[i], work, warnings)?;
-        let choice = method::choose(picture, &stage.world)?;
+        let stage = stage(&cells[i], options, work, warnings)?;
+        let choice = method::choose(picture, &stage, left, options)?;
+        let picture = &Picture { method: choice.method, ..picture.clone() };
         plan::within_memory("a cell with its scene", stage.memory_with(&layers) + choice.memory(&stage, picture, &layers), work)?;
         let begun = Instant::now();
         let work = Work { time: left, ..work.clone() };

@@ -52,11 +52,19 @@ pub struct Hybrid<'a> {
 
 impl<'a> Hybrid<'a> {
     /// Of what is seen in `world`, from a solution of the same lights in `solved`: the same world, or itself without exact shapes
-    /// ([`tessellated`](crate::radiosity::tessellated)). `forward` is the direction the camera looks in.
-    pub fn new(world: &World, solved: &'a World, solution: &'a Solution, settings: &Settings, forward: Vec3) -> Self {
+    /// ([`tessellated`](crate::radiosity::tessellated)). `forward` is the direction the camera looks in. It ends at once, to show
+    /// nothing, where `is_over` says so.
+    pub fn new(
+        world: &World,
+        solved: &'a World,
+        solution: &'a Solution,
+        settings: &Settings,
+        forward: Vec3,
+        is_over: &(dyn Fn() -> bool + Sync),
+    ) -> Self {
         let whitted = Whitted::with_indirect(world, &settings.whitted, forward);
-        let mut gather =
-            FinalGather::new(solved, solution, &settings.whitted.extra_lights, settings.seed).settled(SETTLING * settings.rays);
+        let mut gather = FinalGather::new(solved, solution, &settings.whitted.extra_lights, settings.seed)
+            .settled(SETTLING * settings.rays, is_over);
         gather.nearer = NEARER;
         let cache = Cache::new(world.accel().bounds(), settings.cache);
         Self { whitted, gather, cache, settings: settings.clone() }

@@ -46,25 +46,26 @@ impl FinalGather<'_> {
     pub const MOST_ELEMENTS: usize = 1 << 18;
 
     /// Gathers again onto the elements, with `rays` rays of each, about, and about two million in all, as far as 64 of each allow. Beyond [`Self::MOST_ELEMENTS`] the solution
-    /// stays as it is.
-    pub fn settled(mut self, rays: u32) -> Self {
+    /// stays as it is. Where `is_over` says so it ends at once, with light that is of no use.
+    pub fn settled(mut self, rays: u32, is_over: &(dyn Fn() -> bool + Sync)) -> Self {
         let n = self.irradiance.len();
         if n == 0 || n > Self::MOST_ELEMENTS {
             return self;
         }
         if self.irradiance.iter().all(|e| e.is_black()) {
             // Nothing is solved: a first look, to know how near elements may be taken as a whole.
-            self.settle(RAYS[0]);
+            self.settle(RAYS[0], is_over);
             self.near = near(self.mesh, &self.irradiance);
         }
-        self.settle((BUDGET / n).min(rays as usize).clamp(RAYS[0], RAYS[1]));
+        self.settle((BUDGET / n).min(rays as usize).clamp(RAYS[0], RAYS[1]), is_over);
         self
     }
 
     /// Finds the light of all elements by `rays` rays of each.
-    fn settle(&mut self, rays: usize) {
+    fn settle(&mut self, rays: usize, is_over: &(dyn Fn() -> bool + Sync)) {
         let n = self.irradiance.len() as u32;
-        let rows: Vec<Row> = (0..n).into_par_iter().map(|i| self.row(i, rays)).collect();
+        let row = |i| if is_over() { Row::default() } else { self.row(i, rays) };
+        let rows: Vec<Row> = (0..n).into_par_iter().map(row).collect();
         for _ in 0..SWEEPS {
             let mut change = 0.0f32;
             for (i, row) in rows.iter().enumerate() {
@@ -73,7 +74,7 @@ impl FinalGather<'_> {
                 change = change.max((e - old).map(f32::abs).max_channel() / e.max_channel().max(f32::MIN_POSITIVE));
                 self.irradiance[i] = e;
             }
-            if change <= CHANGE {
+            if change <= CHANGE || is_over() {
                 break;
             }
         }

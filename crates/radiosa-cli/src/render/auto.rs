@@ -1,0 +1,108 @@
+//! `--method auto`: which method suits the options, the scene and the time there is.
+
+use std::time::Duration;
+
+use radiosa::hybrid::FinalGather;
+use radiosa::radiosity::mesh::ElementMesh;
+use radiosa::scene::{Light, LightKind, Material, Model, PhotometricUnit};
+use radiosa::transport::World;
+
+use super::method::{Choice, methods_of};
+use super::plan::Stage;
+use crate::args::{self, Method, Picture};
+use crate::solve;
+
+/// All methods, the ones that know most of light first.
+const ALL: [Method; 6] = [Method::Hybrid, Method::Path, Method::Radiosity, Method::Whitted, Method::Raycast, Method::Scanline];
+
+/// The methods that look at every option that was typed; all of them where none does.
+fn methods_for(picture: &Picture, given: &[String]) -> Vec<Method> {
+    let looks = |method: &&Method| given.iter().filter_map(|option| methods_of(option)).all(|methods| methods.contains(*method));
+    let mut methods: Vec<Method> = ALL.iter().filter(looks).copied().collect();
+    if picture.solution.is_some() || picture.show == args::Show::Irradiance {
+        methods.retain(|method| matches!(method, Method::Radiosity));
+    }
+    if methods.is_empty() { ALL.to_vec() } else { methods }
+}
+
+/// The method, where the options alone decide: before a scene is prepared, since radiosity wants it otherwise.
+pub(crate) fn by_options(picture: &Picture, given: &[String]) -> Option<Choice> {
+    if picture.method != Method::Auto {
+        return Some(Choice { method: picture.method, why: None });
+    }
+    if picture.solution.is_some() || picture.show == args::Show::Irradiance {
+        return Some(Choice { method: Method::Radiosity, why: Some("it is asked for what radiosity knows") });
+    }
+    match methods_for(picture, given)[..] {
+        [method] => Some(Choice { method, why: Some("the options are for it alone") }),
+        _ => None,
+    }
+}
+
+/// The method for a scene, and for the `time` there is.
+pub(crate) fn by_scene(picture: &Picture, stage: &Stage, time: Option<Duration>, given: &[String]) -> Choice {
+    let (world, methods) = (&stage.world, methods_for(picture, given));
+    let choice = |wanted: &[Method], why| {
+        let method = wanted.iter().chain(&ALL).copied().find(|method| methods.contains(method));
+        Choice { method: method.unwrap_or(Method::Raycast), why: Some(why) }
+    };
+    if !has_units(world) {
+        return if world.scene().materials.iter().any(reflects_or_refracts) {
+            choice(&[Method::Whitted, Method::Raycast], "its lights are classic, and it has mirrors or glass")
+        } else {
+            choice(&[Method::Raycast, Method::Whitted], "its lights are classic, and it has neither mirrors nor glass")
+        };
+    }
+    let settings = solve::settings_to_gather_from(&picture.radiosity, solve::TO_GATHER_FROM, picture.seed, &[]);
+    let elements = ElementMesh::estimate(world, &settings.mesh);
+    if elements > FinalGather::MOST_ELEMENTS as u64 {
+        return choice(&[Method::Path], "it has more surfaces than the hybrid finds light on by itself");
+    }
+    if time.is_some_and(|time| expected(picture, stage, elements) > time.as_secs_f64()) {
+        return choice(&[Method::Path], "the hybrid would hardly be done in time");
+    }
+    choice(&[Method::Hybrid], "its light is physical, and goes from surface to surface")
+}
+
+/// True when light is given in physical units and nowhere by classic intensities that fall off as one likes: then what surfaces give each other is worth
+/// finding. The ambient light of other scenes stands for it.
+fn has_units(world: &World) -> bool {
+    let scene = world.scene();
+    let unit = |light: &Light| match light.kind {
+        LightKind::Point { unit, .. } | LightKind::Spot { unit, .. } | LightKind::Distant { unit, .. } => Some(unit),
+        _ => None,
+    };
+    let is_local = |light: &Light| {
+        matches!(light.kind, LightKind::Point { .. } | LightKind::Spot { .. }) && unit(light) == Some(PhotometricUnit::Classic)
+    };
+    let has_source = !world.emissive().is_empty()
+        || scene.environment.as_ref().is_some_and(|e| !e.scale.is_black())
+        || scene.lights.iter().any(|light| unit(light) == Some(PhotometricUnit::Physical));
+    has_source && !scene.lights.iter().any(is_local)
+}
+
+/// True for mirrors, glass, and metals that are nearly mirrors.
+fn reflects_or_refracts(material: &Material) -> bool {
+    material.transmits()
+        || match &material.model {
+            Model::Phong(m) => !m.mirror.is_black(),
+            Model::CookTorrance(_) => false,
+            Model::MetallicRoughness(m) => m.metallic.factor > 0.5 && m.roughness.factor < 0.2 && !material.unlit,
+        }
+}
+
+/// What the hybrid took on Cornell's box and the furnished room, seconds of processor time: for a ray of an element, for a camera sample, and for a ray of
+/// the gathers a pixel needs in the mean.
+const AN_ELEMENTS_RAY: f64 = 3e-6;
+const A_SAMPLE: f64 = 4e-6;
+const A_PIXELS_RAY: f64 = 5e-8;
+
+/// About how long the hybrid takes on two threads, seconds: by what it took for ordinary rooms, and not by this machine's speed or threads, so that the same
+/// options choose the same method everywhere.
+fn expected(picture: &Picture, stage: &Stage, elements: u64) -> f64 {
+    let pixels = f64::from(stage.size.width) * f64::from(stage.size.height);
+    let light = elements as f64 * f64::from(picture.gather) * AN_ELEMENTS_RAY;
+    let samples = pixels * f64::from(picture.samples_a_pixel()) * A_SAMPLE;
+    let records = pixels * f64::from(picture.gather) * A_PIXELS_RAY;
+    (light + samples + records) / 2.0
+}
