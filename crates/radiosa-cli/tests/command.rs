@@ -396,3 +396,31 @@ fn values_of_a_model_can_be_set_as_an_include_changes_them() {
     assert!(red[0] > red[1] && green[1] > green[0], "{red:?} {green:?}");
     assert_eq!(mean(&["--set", "name=other"]), red);
 }
+
+#[test]
+fn auto_takes_the_method_that_suits_options_scene_and_time() {
+    let cases: [(&[&str], &str); 12] = [
+        (&["shadow"], "hybrid"),
+        (&["phong-spheres"], "raycast"),
+        (&["whitted"], "whitted"),
+        (&["whitted", "--environment", "1,1,1"], "hybrid"),
+        (&["shadow", "--time", "20ms", "--size", "640x480"], "path"),
+        (&["shadow", "--noise", "0.2"], "path"),
+        (&["shadow", "--interpolation", "flat"], "scanline"),
+        (&["shadow", "--emitters", "2"], "raycast"),
+        (&["shadow", "--spread", "flat", "--elements", "100", "--refine", "0"], "radiosity"),
+        (&["shadow", "--show", "irradiance", "--elements", "100", "--refine", "0"], "radiosity"),
+        // Options that no method looks at together decide nothing.
+        (&["phong-spheres", "--interpolation", "flat", "--cache", "0"], "raycast"),
+        (&["shadow", "--method", "raycast", "--noise", "0.2"], "raycast"),
+    ];
+    let dir = tempfile::tempdir().expect("a folder");
+    for (args, method) in cases {
+        let common = ["--size", "24x18", "--spp", "1", "--json", "-q", "-o", "a.png"];
+        let common = if args.contains(&"--size") { &common[2..] } else { &common[..] };
+        let output = radiosa(dir.path(), &[&["render"], args, common].concat());
+        let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        assert_eq!(report["method"], method, "{args:?}: {report}");
+        assert_eq!(report["why"].is_string(), !args.contains(&"--method"), "{report}");
+    }
+}

@@ -127,7 +127,8 @@ fn noise_is_asked_for_reported_and_written() {
     assert!(info["noise"].as_str().is_some_and(|n| n.starts_with("0.04")) && info["repeat"].is_string(), "{info}");
     let output = radiosa(at, &["render", "room", "--method", "path", "--noise", "0"]);
     assert_eq!(output.status.code(), Some(2));
-    let ignored = ok(at, &["render", "room", "--size", "16x12", "--spp", "1", "--noise", "0.1", "--resume"]);
+    let ignored =
+        ok(at, &["render", "room", "--method", "whitted", "--size", "16x12", "--spp", "1", "--noise", "0.1", "--resume"]);
     let n_ignored = ignored["warnings"].as_array().expect("a list").iter().filter(|w| w["name"] == "no-effect").count();
     assert_eq!(n_ignored, 2, "{ignored}");
 }

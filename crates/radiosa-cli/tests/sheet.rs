@@ -171,13 +171,13 @@ fn a_parameter_that_no_cell_looks_at_is_said() {
         assert!(output.status.success(), "{}", text(&output.stderr));
         text(&output.stderr).lines().filter(|l| l.starts_with("warning[no-effect]")).count()
     };
-    assert_eq!(said(&["--columns", "interpolation=flat,gouraud"]), 1);
+    assert_eq!(said(&["--method", "whitted", "--columns", "interpolation=flat,gouraud"]), 1);
     assert_eq!(
         said(&["--columns", "interpolation=flat,gouraud", "--rows", "method=scanline,whitted"]),
         0,
         "scan line looks at it"
     );
-    assert_eq!(said(&["--columns", "spp=1,2", "--cull", "back"]), 1);
+    assert_eq!(said(&["--method", "whitted", "--columns", "spp=1,2", "--cull", "back"]), 1);
 }
 
 #[test]

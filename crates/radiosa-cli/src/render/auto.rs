@@ -46,12 +46,23 @@ pub(crate) fn by_scene(picture: &Picture, stage: &Stage, time: Option<Duration>,
         let method = wanted.iter().chain(&ALL).copied().find(|method| methods.contains(method));
         Choice { method: method.unwrap_or(Method::Raycast), why: Some(why) }
     };
-    if !has_units(world) {
-        return if world.scene().materials.iter().any(reflects_or_refracts) {
-            choice(&[Method::Whitted, Method::Raycast], "its lights are classic, and it has mirrors or glass")
+    let local = |glossy, dull| {
+        let has_mirrors = world.scene().materials.iter().any(reflects_or_refracts);
+        if has_mirrors {
+            choice(&[Method::Whitted, Method::Raycast], glossy)
         } else {
-            choice(&[Method::Raycast, Method::Whitted], "its lights are classic, and it has neither mirrors nor glass")
-        };
+            choice(&[Method::Raycast, Method::Whitted], dull)
+        }
+    };
+    if !has_units(world) {
+        return local(
+            "its lights are classic, and it has mirrors or glass",
+            "its lights are classic, and it has neither mirrors nor glass",
+        );
+    }
+    if !methods.iter().any(|&method| Choice { method, why: None }.solves()) {
+        let why = "the options are for local models";
+        return local(why, why);
     }
     let settings = solve::settings_to_gather_from(&picture.radiosity, solve::TO_GATHER_FROM, picture.seed, &[]);
     let elements = ElementMesh::estimate(world, &settings.mesh);
