@@ -29,14 +29,19 @@ struct Effort {
     paths: u32,
     /// Of the twin.
     paths_of_twin: u32,
-    /// Root mean square over the sensors of a room that each method's relative error may have.
-    error: f64,
+    /// Root mean square over the sensors of a room that the relative error of radiosity, the hybrid and paths may have.
+    error: [f64; 3],
 }
 
 const QUICK: Effort =
-    Effort { elements: [300, 150], rays: [1 << 13, 1 << 11], paths: 1 << 14, paths_of_twin: 1 << 14, error: 0.025 };
-const LONG: Effort =
-    Effort { elements: [1500, 600], rays: [1 << 16, 1 << 14], paths: 1 << 19, paths_of_twin: 1 << 16, error: 0.005 };
+    Effort { elements: [300, 150], rays: [1 << 13, 1 << 11], paths: 1 << 14, paths_of_twin: 1 << 14, error: [0.025; 3] };
+const LONG: Effort = Effort {
+    elements: [1500, 600],
+    rays: [1 << 16, 1 << 14],
+    paths: 1 << 19,
+    paths_of_twin: 1 << 16,
+    error: [0.02, 0.005, 0.005],
+};
 const N_SENSORS: usize = 20;
 
 /// What is left of an error over what changed when elements became half as wide. Elements across which the edges of shadows run err by the root of their width, and their light is what
@@ -260,6 +265,7 @@ fn radiosity_the_hybrid_and_paths_find_the_same_light() {
     let effort = if std::env::var_os("RADIOSA_LONG_TESTS").is_some() { LONG } else { QUICK };
     let rooms: [(&str, Make); 5] =
         [("cornell-box", cornell_box), ("partitions", partitions), ("boxes", boxes), ("l-shaped", l_shaped), ("office", office)];
+    let mut wrong = Vec::new();
     for (name, room) in rooms {
         let world = world_of(room());
         let sensors = sensors(&world);
@@ -270,20 +276,27 @@ fn radiosity_the_hybrid_and_paths_find_the_same_light() {
         ];
         let twin = by_paths(&twin(room()), &sensors, effort.paths_of_twin);
         for (method, of) in &said {
-            println!("{name}: {method} is off by {:.2} %", 100.0 * of.mean_error());
+            println!("{name}: {method} may be off by {:.2} %", 100.0 * of.mean_error());
         }
         for (k, (a, of_a)) in said.iter().enumerate() {
             for (b, of_b) in &said[k + 1..] {
                 let (n_beyond, worst, mean) = of_a.against(of_b);
                 println!("{name}: {a} and {b}: {worst:.2} of what they may differ, mean {:+.2} %", 100.0 * mean);
-                assert!(n_beyond == 0, "{name}: {a} and {b} differ at {n_beyond} sensors");
+                if n_beyond > 0 {
+                    wrong.push(format!("{name}: {a} and {b} differ at {n_beyond} sensors"));
+                }
             }
         }
-        for (method, of) in &said {
-            assert!(of.mean_error() < effort.error, "{name}: {method} is off by {}", of.mean_error());
+        for ((method, of), most) in said.iter().zip(effort.error) {
+            if of.mean_error() > most {
+                wrong.push(format!("{name}: {method} may be off by {:.2} %", 100.0 * of.mean_error()));
+            }
             let (n_beyond, worst, mean) = of.against(&twin);
             println!("{name}: {method} and the twin: {worst:.2} of what they may differ, mean {:+.2} %", 100.0 * mean);
-            assert!(n_beyond > 0, "{name}: {method} does not notice a twin that reflects 2 % more");
+            if n_beyond == 0 {
+                wrong.push(format!("{name}: {method} does not notice a twin that reflects 2 % more"));
+            }
         }
     }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
