@@ -23,19 +23,19 @@ mi.set_variant("llvm_ad_rgb")
 
 import translate
 
-RUNS = 32
+RUNS = 40
 ROUNDING = 2e-5  # of sums of single-precision numbers, relative
 SIGNIFICANCE = 0.01
 
 # Rows of pixels, and samples a pixel and run of Radiosa and of Mitsuba.
 SCENES = {
-    "cornell-box": (24, 1024, 3072),
+    "cornell-box": (18, 1024, 3072),
     "metal": (24, 160, 576),
     "coated": (24, 96, 384),
-    "rough-glass": (18, 256, 1536),
+    "rough-glass": (18, 320, 2048),
     "glass": (24, 160, 832),
-    "mirrors": (24, 256, 832),
-    "many-lamps": (18, 512, 3072),
+    "mirrors": (24, 288, 960),
+    "many-lamps": (12, 640, 4096),
     "sky": (24, 128, 512),
     "textured": (24, 128, 640),
     "delta-lights": (24, 128, 1024),
