@@ -6,6 +6,7 @@ mod bench_rays;
 mod bench_rooms;
 mod bench_scanline;
 mod bench_whitted;
+mod bench_ztest;
 
 use std::process::{Command, ExitCode};
 
@@ -18,7 +19,9 @@ cargo xtask bench factors    form factors beside pyviewfactor (from PyPI, into t
 cargo xtask bench scanline   scan line beside software OpenGL (Debian's libegl1, libgl1-mesa-dri)
 cargo xtask bench rooms      measured rooms beside Mitsuba 3 (from PyPI; Debian's libllvm19)
 cargo xtask bench race       the hybrid beside POV-Ray with radiosity (Debian's povray)
+cargo xtask bench race-path  path tracing beside Mitsuba 3: what the same error takes (from PyPI, with scipy; Debian's libllvm19)
 cargo xtask bench whitted    Whitted ray tracing beside POV-Ray (Debian's povray)
+cargo xtask bench ztest [SCENE…]   path tracing beside Mitsuba 3, pixel by pixel (from PyPI, with scipy; Debian's libllvm19)
 cargo xtask bench shadow [SIZE…]   errors with and without discontinuity meshing, against a closed form; elements of these sizes in metres
 cargo xtask figure convergence [SCENE] [OUTPUT.svg] [ELEMENTS]   how the radiosity solvers converge over work and time
 cargo xtask figure links [OUTPUT.svg] [MOST]   links and time of hierarchical radiosity against elements, up to MOST of them
@@ -34,8 +37,10 @@ fn main() -> ExitCode {
         ["bench", "factors", ..] => bench_factors::run(&args[2..]),
         ["bench", "rooms", ..] => bench_rooms::run(&args[2..]),
         ["bench", "scanline", ..] => bench_scanline::run(&args[2..]),
+        ["bench", "race-path", ..] => bench_ztest::race(&args[2..]),
         ["bench", "race", ..] => bench_race::run(&args[2..]),
         ["bench", "whitted", ..] => bench_whitted::run(&args[2..]),
+        ["bench", "ztest", ..] => bench_ztest::run(&args[2..]),
         ["bench", "shadow", rest @ ..] => example("shadow", rest),
         ["figure", "convergence", rest @ ..] => example("convergence", rest),
         ["figure", "links", rest @ ..] => example("links", rest),
