@@ -240,7 +240,7 @@ fn by_hybrid(world: &World, sensors: &[(Surface, Vec3)], effort: &Effort) -> Sai
         let mut settings = radiosity::Settings::default();
         settings.mesh.elements = elements;
         let solution = Solution::to_be_found(world, &settings);
-        let gather = FinalGather::new(world, &solution, &[], 0).settled(1024);
+        let gather = FinalGather::new(world, &solution, &[], 0).settled(1024, &|| false);
         let at = |(k, (surface, n)): (usize, &(Surface, Vec3))| {
             let arriving = gather.sensor(surface, *n, effort.rays, rng::key(&[k as u64, u64::from(elements)]));
             (f64::from(arriving.irradiance.luminance()), arriving.standard_error)
