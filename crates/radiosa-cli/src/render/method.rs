@@ -12,7 +12,7 @@ use radiosa::radiosity::lines;
 use radiosa::raytrace::{PathTracer, RayCast, Whitted, adaptive, path, ray_cast, tiles, whitted};
 use radiosa::sampling::Stream;
 use radiosa::scanline::{self, ScanLine};
-use radiosa::scene::{Light, Material, Model};
+use radiosa::scene::{Light, LightKind, Material, Model, Scene};
 use radiosa::transport::{self, Integrator, Solver, Step, View, World, default_light};
 
 use super::output;
@@ -49,11 +49,32 @@ pub(crate) fn choose(picture: &Picture, world: &World) -> Result<Choice, Error> 
         };
     }
     Ok(match picture.method {
+        Method::Auto if world.scene().has_media() => {
+            Choice { method: Method::Path, why: Some("light is scattered between surfaces") }
+        }
         Method::Auto if world.scene().materials.iter().any(reflects_or_refracts) => {
             Choice { method: Method::Whitted, why: Some("the scene has mirrors or glass") }
         }
         Method::Auto => Choice { method: Method::Raycast, why: Some("the scene has neither mirrors nor glass") },
         method => Choice { method, why: None },
+    })
+}
+
+/// What should be said of the media of a scene, by a method or a verb of some name: the name of the warning, and the words.
+pub(crate) fn about_media(scene: &Scene, by: &str, knows_media: bool) -> Option<(&'static str, String)> {
+    if !knows_media {
+        let text = format!("{by} knows no media that scatter or emit, and no fog: bodies only absorb; --method path knows them");
+        return scene.has_media().then_some(("no-media", text));
+    }
+    let ends = |light: &Light| {
+        !matches!(light.kind, LightKind::Distant { .. } | LightKind::Hemispherical { .. } | LightKind::Discrete { .. })
+    };
+    let is_endless = scene.medium.is_some_and(|medium| !medium.extinction().is_black());
+    let is_lit = scene.environment.is_some() || !scene.lights.iter().all(ends);
+    (is_endless && is_lit).then(|| {
+        let text = "no light comes from infinitely far through a medium without end: \
+                    put it into a box, as the medium of the box's material";
+        ("endless-medium", text.to_owned())
     })
 }
 
@@ -120,6 +141,7 @@ impl Choice {
             );
             said.push(("makes-light", text));
         }
+        said.extend(about_media(stage.world.scene(), &format!("--method {}", self.name()), self.method == Method::Path));
         said.extend(given.iter().filter_map(|option| self.why_ignored(option, picture)).map(|text| ("no-effect", text)));
         said
     }
@@ -547,6 +569,7 @@ fn path_settings(stage: &Stage, picture: &Picture, extra_lights: &[Light]) -> pa
     path::Settings {
         max_depth: picture.max_depth,
         branches: picture.samples.unwrap_or(path::Settings::default().branches),
+        drawn_lamps: path::Settings::default().drawn_lamps,
         highlights: match picture.phong {
             args::Highlights::Lobe => Highlights::Lobe,
             args::Highlights::None => Highlights::None,
