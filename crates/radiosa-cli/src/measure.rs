@@ -23,6 +23,7 @@ use crate::args::{Measure, MeasureMethod, Radiosity};
 use crate::error::Error;
 use crate::false_color::{self, Values};
 use crate::progress::Progress;
+use crate::render::method::about_media;
 use crate::render::output::{self, tell};
 use crate::render::{plan, with_threads};
 use crate::solve;
@@ -57,6 +58,12 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
     if matches!(args.method, MeasureMethod::Radiosity | MeasureMethod::Hybrid) {
         radiosity::tessellate(&mut scene, solve::rings(&args.radiosity, args.solution.as_deref())?);
     }
+    let by = format!("--method {}", method_name(args.method));
+    warnings.extend(about_media(&scene, &by, args.method == MeasureMethod::Path).map(|(name, message)| Warning {
+        name,
+        path: PathBuf::from(&args.scene),
+        message,
+    }));
     let world = plan::prepare(scene, &args.work)?;
     let (sensors, grid) = sensors(args, &world)?;
     let prepared = start.elapsed();

@@ -24,6 +24,7 @@ use crate::error::Error;
 use crate::factors::groups;
 use crate::interrupt;
 use crate::progress;
+use crate::render::method::about_media;
 use crate::render::output::{self, tell};
 use crate::render::{plan, with_threads};
 
@@ -395,6 +396,9 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
     if world.scene().n_primitives() == 0 || !default_light::has_light(&world) {
         let what = if world.scene().n_primitives() == 0 { "has no surface" } else { "has no light: nothing emits" };
         warnings.push(Warning { name: "dark", path: PathBuf::from(&args.scene), message: format!("the scene {what}") });
+    }
+    if let Some((name, message)) = about_media(world.scene(), "solve", false) {
+        warnings.push(Warning { name, path: PathBuf::from(&args.scene), message });
     }
     if !args.resume && output.exists() {
         let message = format!("{} is replaced; --resume would go on with it", output.display());

@@ -54,6 +54,9 @@ pub(crate) fn by_scene(picture: &Picture, stage: &Stage, time: Option<Duration>,
             choice(&[Method::Raycast, Method::Whitted], dull)
         }
     };
+    if world.scene().has_media() {
+        return choice(&[Method::Path], "light is scattered between surfaces");
+    }
     if !has_units(world) {
         return local(
             "its lights are classic, and it has mirrors or glass",

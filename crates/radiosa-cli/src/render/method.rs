@@ -12,7 +12,7 @@ use radiosa::radiosity::lines;
 use radiosa::raytrace::{PathTracer, RayCast, Whitted, adaptive, path, ray_cast, tiles, whitted};
 use radiosa::sampling::Stream;
 use radiosa::scanline::{self, ScanLine};
-use radiosa::scene::{Light, Model};
+use radiosa::scene::{Light, LightKind, Model, Scene};
 use radiosa::transport::{self, Integrator, Solver, Step, View, World, default_light};
 
 use super::plan::Stage;
@@ -51,6 +51,24 @@ pub(crate) fn choose(picture: &Picture, stage: &Stage, time: Option<Duration>, g
         return Err(Error::Misuse("--solution goes with --method radiosity and hybrid, --show irradiance with radiosity".into()));
     }
     Ok(choice)
+}
+
+/// What should be said of the media of a scene, by a method or a verb of some name: the name of the warning, and the words.
+pub(crate) fn about_media(scene: &Scene, by: &str, knows_media: bool) -> Option<(&'static str, String)> {
+    if !knows_media {
+        let text = format!("{by} knows no media that scatter or emit, and no fog: bodies only absorb; --method path knows them");
+        return scene.has_media().then_some(("no-media", text));
+    }
+    let ends = |light: &Light| {
+        !matches!(light.kind, LightKind::Distant { .. } | LightKind::Hemispherical { .. } | LightKind::Discrete { .. })
+    };
+    let is_endless = scene.medium.is_some_and(|medium| !medium.extinction().is_black());
+    let is_lit = scene.environment.is_some() || !scene.lights.iter().all(ends);
+    (is_endless && is_lit).then(|| {
+        let text = "no light comes from infinitely far through a medium without end: \
+                    put it into a box, as the medium of the box's material";
+        ("endless-medium", text.to_owned())
+    })
 }
 
 impl Choice {
@@ -106,6 +124,7 @@ impl Choice {
             );
             said.push(("makes-light", text));
         }
+        said.extend(about_media(stage.world.scene(), &format!("--method {}", self.name()), self.method == Method::Path));
         said.extend(given.iter().filter_map(|option| self.why_ignored(option, picture)).map(|text| ("no-effect", text)));
         said
     }
@@ -535,6 +554,7 @@ fn path_settings(stage: &Stage, picture: &Picture, extra_lights: &[Light]) -> pa
     path::Settings {
         max_depth: picture.max_depth,
         branches: picture.samples.unwrap_or(path::Settings::default().branches),
+        drawn_lamps: path::Settings::default().drawn_lamps,
         highlights: match picture.phong {
             args::Highlights::Lobe => Highlights::Lobe,
             args::Highlights::None => Highlights::None,

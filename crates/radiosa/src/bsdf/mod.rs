@@ -22,6 +22,7 @@ pub mod metallic_roughness;
 pub mod microfacet;
 pub mod mirror;
 pub mod multiple_scattering;
+pub mod phase;
 pub mod phong;
 pub mod rough_dielectric;
 pub mod scatter;
@@ -60,6 +61,9 @@ impl Lookup for FactorsOnly {
         map.factor
     }
 }
+
+/// Ratios of indices nearer to one than this are one but for rounding.
+const SAME_INDEX: f32 = 1e-6;
 
 /// The value of a reflection function, by what lights it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -377,6 +381,18 @@ impl Bsdf {
             Self::MetallicRoughness(m) => m.compensation.map(|c| c.albedo(cos)),
         };
         of.unwrap_or(Spectrum::BLACK)
+    }
+
+    /// What passes a boundary between media of the same index that neither reflects nor scatters: there is no surface but for its tint. `None` of every other surface.
+    pub fn unbent(&self) -> Option<Spectrum> {
+        let transmission = match self {
+            Self::Phong(m) if m.diffuse.is_black() && m.specular.is_black() && (m.mirror.is_black() || m.fresnel.is_some()) => {
+                m.transmission
+            }
+            Self::CookTorrance(m) if m.diffuse.is_black() => m.transmission,
+            _ => None,
+        };
+        transmission.filter(|t| !t.thin && (t.ior - 1.0).abs() < SAME_INDEX).map(|t| t.weight)
     }
 
     /// The same with lobes at least as rough as `alpha`: what a rough mirror shows of a sharp highlight is not sharp, and a few rays

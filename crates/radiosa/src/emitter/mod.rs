@@ -17,6 +17,7 @@ pub mod discrete;
 pub mod distant;
 pub mod environment;
 pub mod hemispherical;
+pub(crate) mod lamps;
 pub mod point;
 pub(crate) mod polygon;
 pub mod random;

@@ -80,7 +80,7 @@ impl PointSampler {
         self.tree.surfaces().is_empty()
     }
 
-    /// As a place with normal `n` sees them.
+    /// As a place with normal `n` sees them; with the normal zero as a point of a medium does, which light reaches from all around.
     pub fn seen_from(&self, p: Vec3, n: Vec3) -> Place<'_> {
         Place { tree: self.tree.seen_from(p, n), p }
     }

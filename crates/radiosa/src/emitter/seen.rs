@@ -9,6 +9,9 @@ use crate::math::rounding::gamma;
 use crate::math::{Affine3A, DVec3, Frame, Vec2, Vec3, function};
 use crate::sampling::warp;
 
+/// The normal of a place that light reaches from all around, as in a medium: its cosines count as one.
+pub(super) const EVERYWHERE: Vec3 = Vec3::ZERO;
+
 /// Triangles smaller than this (sr) are drawn by area, which is as good there and cheaper.
 const SMALL: f32 = 0.02;
 /// Triangles larger than this are seen from within rounding of their plane.
@@ -37,9 +40,11 @@ enum How {
 }
 
 impl<'a> Seen<'a> {
-    /// From `p` with normal `n`; `None` when nothing of it can arrive there.
+    /// From `p` with normal `n`, or [`EVERYWHERE`]; `None` when nothing of it can arrive there.
+    #[inline(always)]
     pub(super) fn new(surface: &'a EmissiveSurface, p: Vec3, n: Vec3) -> Option<Self> {
         let radiance = surface.radiance.luminance();
+        let is_everywhere = n == EVERYWHERE;
         let (share, how) = match &surface.shape {
             EmissiveShape::Triangle(corners) => {
                 let [a, b, c] = corners.map(|corner| corner - p);
@@ -50,7 +55,7 @@ impl<'a> Seen<'a> {
                     return None;
                 }
                 let [la, lb, lc] = [a, b, c].map(Vec3::length);
-                let cosines = [n.dot(a) / la, n.dot(b) / lb, n.dot(c) / lc];
+                let cosines = if is_everywhere { [1.0; 3] } else { [n.dot(a) / la, n.dot(b) / lb, n.dot(c) / lc] };
                 if cosines.iter().all(|cos| *cos <= 0.0) {
                     return None;
                 }
@@ -58,7 +63,7 @@ impl<'a> Seen<'a> {
                 let solid_angle = 2.0 * function::atan2(volume.abs(), below);
                 let middle = (a / la + b / lb + c / lc).normalize_or_zero();
                 let cos = cosines.map(|cos| cos.max(0.0));
-                let mean = 0.25 * (cos.iter().sum::<f32>() + n.dot(middle).max(0.0));
+                let mean = if is_everywhere { 1.0 } else { 0.25 * (cos.iter().sum::<f32>() + n.dot(middle).max(0.0)) };
                 let is_large = (SMALL..LARGE).contains(&solid_angle);
                 let how =
                     if is_large { How::Triangle { solid_angle, cos: cos.map(|cos| cos.max(LEAST_COS)) } } else { How::Area };
@@ -79,7 +84,7 @@ impl<'a> Seen<'a> {
                 }
                 let cos_cone = (1.0 - sin2).sqrt();
                 let one_minus_cos = sin2 / (1.0 + cos_cone);
-                let cos = n.dot(to_centre) / distance2.sqrt();
+                let cos = if is_everywhere { 1.0 } else { n.dot(to_centre) / distance2.sqrt() };
                 // The cosine of where it is highest.
                 let highest = if cos >= cos_cone { 1.0 } else { cos * cos_cone + ((1.0 - cos * cos) * sin2).max(0.0).sqrt() };
                 if highest <= 0.0 {
@@ -98,7 +103,7 @@ impl<'a> Seen<'a> {
                     return None;
                 }
                 let reach2 = distance2 + radius * radius;
-                let above = n.dot(to_centre) + radius;
+                let above = if is_everywhere { reach2.sqrt() } else { n.dot(to_centre) + radius };
                 if above <= 0.0 {
                     return None;
                 }

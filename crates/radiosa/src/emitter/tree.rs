@@ -11,7 +11,7 @@
 //! whole way: stratified numbers stay stratified over the surfaces.
 
 use super::area::EmissiveSurface;
-use super::seen::Seen;
+use super::seen::{EVERYWHERE, Seen};
 use crate::math::{Bounds, Vec3};
 
 /// Surfaces a leaf holds at most: their own importance is better than a box's, and costs a few times as much.
@@ -314,7 +314,7 @@ impl Reach {
             cos_out = cos_out.abs();
         }
         let cos_out = cos_of_difference(cos_of_difference(cos_out, self.cos_cone), cos_box);
-        let cos_in = cos_of_difference(n.dot(wi), cos_box);
+        let cos_in = if n == EVERYWHERE { 1.0 } else { cos_of_difference(n.dot(wi), cos_box) };
         if cos_out <= -ROUNDING || cos_in <= -ROUNDING {
             return 0.0;
         }
@@ -324,7 +324,7 @@ impl Reach {
 }
 
 /// `cos max(0, a − b)` of angles up to π, from their cosines.
-fn cos_of_difference(a: f32, b: f32) -> f32 {
+pub(super) fn cos_of_difference(a: f32, b: f32) -> f32 {
     if a >= b {
         return 1.0;
     }

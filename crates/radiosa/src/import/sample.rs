@@ -34,6 +34,7 @@ samples! {
     "light-types": "The kinds of light side by side: ambient, point, attenuated, spot, distant, hemispherical.",
     "parallel-plates": "Two plates at different distances: they merge without attenuation and separate with it.",
     "shadow": "A square light, a blocker turned by 25 degrees, a floor: umbra and penumbra.",
+    "fog": "Shafts of light in fog, a ball of milk, a ball of smoke: media, by path tracing.",
     "furnace": "A closed room that glows evenly: with all interreflection it shows 1 everywhere.",
 }
 

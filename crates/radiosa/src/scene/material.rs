@@ -1,6 +1,6 @@
 //! Materials, as the scene stores them: coefficients and textures. `bsdf` turns them into functions at a point.
 
-use super::TextureRef;
+use super::{Inside, TextureRef};
 use crate::spectrum::Spectrum;
 
 /// An RGB coefficient, optionally multiplied by a texture.
@@ -54,6 +54,8 @@ pub struct Material {
     pub normal_map: Option<NormalMap>,
     /// Shows its base colour as it is, whatever the light (`KHR_materials_unlit`).
     pub unlit: bool,
+    /// What fills a body of it beside what absorbs, which the models have.
+    pub inside: Inside,
 }
 
 /// Coverage: how much of the surface is there.
@@ -375,6 +377,7 @@ impl Default for Material {
             alpha: Alpha { mode: AlphaMode::Opaque, value: ScalarMap::constant(1.0) },
             normal_map: None,
             unlit: false,
+            inside: Inside::default(),
         }
     }
 }

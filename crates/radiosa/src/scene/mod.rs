@@ -6,6 +6,7 @@
 mod camera;
 mod light;
 mod material;
+mod medium;
 mod mesh;
 mod texture;
 mod validate;
@@ -16,6 +17,7 @@ pub use material::{
     Alpha, AlphaMode, Behind, ColorMap, CookTorrance, Distribution, Form, Fresnel, Material, Metal, MetallicRoughness, Model,
     NormalMap, Phong, PhongLobe, ScalarMap, Shadowing,
 };
+pub use medium::{Inside, Medium};
 pub use mesh::{Mesh, MeshSource, Polygons};
 pub use texture::{Filter, Image, Pixels, Sampler, Texture, TextureRef, TextureSource, UvTransform, Wrap};
 pub use validate::SceneError;
@@ -88,6 +90,8 @@ pub struct Scene {
     pub environment: Option<Environment>,
     /// What the camera sees behind everything when there is no environment (or it is hidden from the camera). Not a light.
     pub background: Spectrum,
+    /// Fills space outside of all bodies, without end: path tracing knows it.
+    pub medium: Option<Medium>,
     /// Global ambient light `I_a`: adds `I_a k_a` in the local models, ray casting and Whitted only.
     pub ambient: Spectrum,
     /// View points, in the order of the source; empty means: frame the scene automatically.
@@ -220,12 +224,22 @@ impl Scene {
             match &mut material.model {
                 Model::Phong(m) => m.absorption = m.absorption / scale as f32,
                 Model::MetallicRoughness(m) => m.absorption = m.absorption / scale as f32,
-                Model::CookTorrance(_) => {}
+                Model::CookTorrance(m) => {
+                    m.behind.iter_mut().for_each(|behind| behind.absorption = behind.absorption / scale as f32)
+                }
             }
+            material.inside.rescale(scale as f32);
         }
+        self.medium.iter_mut().for_each(|medium| medium.rescale(scale as f32));
         if let Some(environment) = &mut self.environment {
             environment.rotation = crate::math::DQuat::from_mat3(&rotation) * environment.rotation;
         }
+    }
+
+    /// Somewhere light is scattered or emitted between surfaces, or the space around bodies takes some away: what path tracing alone knows.
+    pub fn has_media(&self) -> bool {
+        self.medium.is_some_and(|medium| !medium.is_clear())
+            || self.materials.iter().any(|m| m.medium().is_some_and(|medium| medium.inside.is_seen()))
     }
 
     /// Sets how every texture is read between its texels, whatever its source says.

@@ -1,18 +1,19 @@
 //! Direct light at a surface from everything that is not traced further: the sum over lights that ray casting, Whitted's method and
 //! radiosity's displayed direct part share.
 
-use super::media::{self, Media};
+use super::media::{self, Loss, Media};
 use super::polygons::{Brought, PolygonLights};
 use super::{Glass, Passage, Shading, Surface, World};
 use crate::bsdf::Lobes;
 use crate::bsdf::fresnel::Weighing;
 use crate::emitter::area;
 use crate::emitter::environment::Sky;
+use crate::emitter::lamps::{Choice, Lamps};
 use crate::emitter::polygon::Receiver;
 use crate::emitter::random::PointSampler;
 use crate::emitter::{Emitter, EnvironmentShadows, Incident};
 use crate::math::rounding;
-use crate::math::{Bounds, Frame, Ray, Vec3};
+use crate::math::{Bounds, Frame, Ray, Vec2, Vec3};
 use crate::radiometry::lambertian_radiance;
 use crate::sampling::{Stream, rng, sequence, warp};
 use crate::scene::Light;
@@ -20,6 +21,14 @@ use crate::spectrum::Spectrum;
 
 /// A highlight that reflects less than this part of the light (1/sr) is not seen beside anything: its shadow ray need not be traced.
 const DARK: f32 = 1e-9;
+
+/// Lamps drawn at a place, of either kind, at most.
+pub(crate) const DRAWN_MAX: usize = 8;
+
+/// Highlights less rough than this are drawn by their own value,
+const BLUNT: f32 = 0.3;
+/// of so many lights at most: each of them is asked.
+const TOLD_APART: usize = 1024;
 
 /// Random points on emissive surfaces held at once.
 const POINTS_AT_ONCE: usize = 32;
@@ -75,6 +84,10 @@ pub struct Lights {
     few: bool,
     /// What shadow rays do at transparent things.
     glass: Glass,
+    /// What takes their light away between surfaces.
+    loss: Loss,
+    /// Too many to be looked at one and all, and how many of them are.
+    many: Option<(Lamps, u32)>,
     /// Draws points on emissive surfaces, instead of the fixed ones.
     random_points: Option<PointSampler>,
     /// Of those the ones whose diffuse light is known without.
@@ -149,6 +162,8 @@ impl Lights {
             n_wanted,
             few,
             glass,
+            loss: Loss::Absorption,
+            many: None,
             random_points: None,
             polygons: None,
             absorption: Spectrum::BLACK,
@@ -165,6 +180,27 @@ impl Lights {
     pub fn with_glass(mut self, glass: Glass) -> Self {
         self.glass = glass;
         self
+    }
+
+    /// This takes light away between surfaces.
+    pub(crate) fn with_loss(mut self, loss: Loss) -> Self {
+        self.loss = loss;
+        self
+    }
+
+    /// Of many lamps only `n` of those with a place and `n` of those infinitely far light a place at a time, drawn by what they give ([`Self::at_some`]); not more than
+    /// [`DRAWN_MAX`].
+    pub(crate) fn drawing(mut self, n: u32) -> Self {
+        let n = n.clamp(1, DRAWN_MAX as u32);
+        self.many = Lamps::take_from(&mut self.emitters).map(|lamps| (lamps, n));
+        let n_drawn = self.many.as_ref().map_or(0, |_| 2 * n as usize);
+        self.few = self.emitters.iter().map(Emitter::n_directions).sum::<usize>() + n_drawn <= World::FEW_SEGMENTS;
+        self
+    }
+
+    /// Some lamps are drawn.
+    pub(crate) fn are_drawn(&self) -> bool {
+        self.many.is_some()
     }
 
     /// Emissive surfaces light others from random points instead of fixed ones ([`Self::at_random`]), unless they light nothing.
@@ -255,22 +291,122 @@ impl Lights {
 
     /// What every light does at a surface in vacuum; `n_rays` grows by the shadow rays traced (none when `shadows` is off).
     pub fn at(&self, world: &World, surface: &Surface, shading: &Shading, shadows: bool, n_rays: &mut u64) -> LocalLight {
-        let passage = shadows.then_some(Passage { glass: self.glass, media: &Media::VACUUM });
+        let passage = shadows.then_some(self.passage(&Media::VACUUM));
         self.gather(world, surface, shading, passage, Sources::in_front(&self.emitters), n_rays)
     }
 
-    /// What a rough boundary refracts of every light behind it, within the bodies that are there.
+    /// How its shadow rays pass, from within some bodies.
+    fn passage<'a>(&self, media: &'a Media) -> Passage<'a> {
+        Passage { glass: self.glass, media, loss: self.loss }
+    }
+
+    /// What a medium scatters of every light with a place or a direction at `p`, within some bodies: `phase` is its function of the direction to the light, 1/sr.
+    pub(crate) fn scattered(
+        &self,
+        world: &World,
+        p: Vec3,
+        phase: impl Fn(&Incident) -> f32,
+        (media, u): (&Media, Vec2),
+        n_rays: &mut u64,
+    ) -> Spectrum {
+        let mut sum = Spectrum::BLACK;
+        let mut scatter = |incident: Incident| {
+            let weight = phase(&incident);
+            sum += self.passed(world, p, &incident, media, n_rays) * weight;
+        };
+        self.emitters.iter().for_each(|emitter| emitter.for_each_incident(p, &mut scatter));
+        if let Some((lamps, n)) = &self.many {
+            // Zero is the normal of a place that light reaches from all around.
+            Self::drawn(lamps, *n, p, Vec3::ZERO, u).into_iter().flatten().for_each(scatter);
+        }
+        sum
+    }
+
+    /// What reaches a point in a medium of a light, within some bodies.
+    pub(crate) fn passed(&self, world: &World, p: Vec3, incident: &Incident, media: &Media, n_rays: &mut u64) -> Spectrum {
+        let ray = incident.target.map_or(Ray::new(p, incident.wi), |target| super::surface::shadow_ray(p, target));
+        incident.diffuse * world.transmittance(&ray, self.passage(media), n_rays)
+    }
+
+    /// Lights with a place that are not drawn, and the places.
+    pub(crate) fn placed(&self) -> impl Iterator<Item = (Vec3, &Emitter)> {
+        self.emitters.iter().filter_map(|emitter| match emitter {
+            Emitter::Point(point) => Some((point.position, emitter)),
+            Emitter::Spot(spot) => Some((spot.point.position, emitter)),
+            _ => None,
+        })
+    }
+
+    /// As [`Self::at`] within some bodies, of those lamps that `u` draws where they are drawn.
+    pub(crate) fn at_some(
+        &self,
+        world: &World,
+        (surface, shading): (&Surface, &Shading),
+        (media, u): (&Media, Vec2),
+        n_rays: &mut u64,
+    ) -> LocalLight {
+        self.gather_some(world, (surface, shading), Side::Front, (media, u), n_rays)
+    }
+
+    /// What a rough boundary refracts of the lights behind it, within the bodies that are there, of those lamps that `u` draws.
     pub(crate) fn refracted(
         &self,
         world: &World,
-        surface: &Surface,
-        shading: &Shading,
-        behind: &Media,
+        (surface, shading): (&Surface, &Shading),
+        (behind, u): (&Media, Vec2),
         n_rays: &mut u64,
     ) -> Spectrum {
-        let passage = Some(Passage { glass: self.glass, media: behind });
-        let sources = Sources { emitters: &self.emitters, points: &[], side: Side::Behind };
-        self.gather(world, surface, shading, passage, sources, n_rays).specular
+        self.gather_some(world, (surface, shading), Side::Behind, (behind, u), n_rays).specular
+    }
+
+    fn gather_some(
+        &self,
+        world: &World,
+        (surface, shading): (&Surface, &Shading),
+        side: Side,
+        (media, u): (&Media, Vec2),
+        n_rays: &mut u64,
+    ) -> LocalLight {
+        let n = if side == Side::Front { shading.n } else { -shading.n };
+        let passage = Some(self.passage(media));
+        let Some((lamps, k)) = &self.many else {
+            let sources = Sources { emitters: &self.emitters, points: &[], side };
+            return self.gather(world, surface, shading, passage, sources, n_rays);
+        };
+        // Which of many lights a sharp highlight shows only its own value tells.
+        let is_sharp = side == Side::Behind || (shading.bsdf.has_highlight() && shading.bsdf.roughness() < BLUNT);
+        let points = if is_sharp && lamps.len() <= TOLD_APART {
+            let mut choices: [Choice; DRAWN_MAX] = std::array::from_fn(|i| Choice::new(stratum(u.x, i, *k)));
+            lamps.for_each_incident(surface.p, |incident| {
+                let lobes = lobes_of(side, shading, n, incident.wi);
+                let weight = f64::from((lobes.diffuse * incident.diffuse + lobes.specular * incident.specular).luminance());
+                choices.iter_mut().take(*k as usize).for_each(|choice| choice.offer(incident, weight));
+            });
+            let mut points = [None; 2 * DRAWN_MAX];
+            for (point, choice) in points.iter_mut().zip(choices).take(*k as usize) {
+                *point = choice.drawn(f64::from(*k));
+            }
+            points
+        } else {
+            Self::drawn(lamps, *k, surface.p, n, u)
+        };
+        let sources = Sources { emitters: &self.emitters, points: &points, side };
+        self.gather(world, surface, shading, passage, sources, n_rays)
+    }
+
+    /// `k` lamps with a place and `k` infinitely far, each over how often it is drawn.
+    fn drawn(lamps: &Lamps, k: u32, p: Vec3, n: Vec3, u: Vec2) -> [Option<Incident>; 2 * DRAWN_MAX] {
+        let share = |incident: Incident| Incident {
+            diffuse: incident.diffuse / k as f32,
+            specular: incident.specular / k as f32,
+            ..incident
+        };
+        let mut points = [None; 2 * DRAWN_MAX];
+        for i in 0..k as usize {
+            points[i] = lamps.draw_lamp(p, n, stratum(u.x, i, k)).map(share);
+            points[DRAWN_MAX + i] = lamps.draw_sun(n, stratum(u.y, i, k)).map(share);
+        }
+        points
     }
 
     /// The irradiance of a surface from the side of `n` (unit), W/m² or lux, with shadows: π times the radiance of a white one.
@@ -289,7 +425,7 @@ impl Lights {
         (n, stream): (u32, &mut Stream),
         n_rays: &mut u64,
     ) -> LocalLight {
-        let passage = shadows_in.map(|media| Passage { glass: self.glass, media });
+        let passage = shadows_in.map(|media| self.passage(media));
         let Some(sampler) = &self.random_points else {
             return self.gather(world, surface, shading, passage, Sources::in_front(&self.emitters), n_rays);
         };
@@ -394,10 +530,7 @@ impl Lights {
             if n.dot(incident.wi) <= 0.0 {
                 return;
             }
-            let lobes = match side {
-                Side::Front => shading.bsdf.evaluate_cos(shading.n, shading.wo, incident.wi),
-                Side::Behind => Lobes { specular: shading.bsdf.refract_cos(shading.n, shading.wo, incident.wi), ..Lobes::BLACK },
-            };
+            let lobes = lobes_of(side, shading, n, incident.wi);
             let (mut diffuse, mut specular) = (lobes.diffuse * incident.diffuse, lobes.specular * incident.specular);
             if !self.absorption.is_black() && incident.distance.is_finite() {
                 let left = media::transmittance(self.absorption, incident.distance);
@@ -444,6 +577,20 @@ impl Lights {
             batch.flush(world, &mut light, n_rays);
         }
         light
+    }
+}
+
+/// Number `i` of `n` that one uniform number becomes, one in each of as many equal parts.
+fn stratum(u: f32, i: usize, n: u32) -> f64 {
+    (i as f64 + f64::from(u)) / f64::from(n)
+}
+
+/// What a surface makes of light from `wi`, on one side of it or from behind; `n` is on the side of the light.
+fn lobes_of(side: Side, shading: &Shading, n: Vec3, wi: Vec3) -> Lobes {
+    match side {
+        _ if n.dot(wi) <= 0.0 => Lobes::BLACK,
+        Side::Front => shading.bsdf.evaluate_cos(shading.n, shading.wo, wi),
+        Side::Behind => Lobes { specular: shading.bsdf.refract_cos(shading.n, shading.wo, wi), ..Lobes::BLACK },
     }
 }
 

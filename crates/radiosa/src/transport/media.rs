@@ -11,6 +11,7 @@
 use super::{Surface, World};
 use crate::bsdf::Transmission;
 use crate::math::{Ray, Vec3, function};
+use crate::scene::{self, MaterialId};
 use crate::spectrum::Spectrum;
 
 /// Bodies that may overlap in one place.
@@ -41,6 +42,15 @@ impl Medium {
         let Transmission { ior, absorption, priority, .. } = *transmission;
         Self { body: (surface.instance.0, material), ior, absorption, priority }
     }
+}
+
+/// What takes light away between surfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Loss {
+    /// What bodies absorb: to methods that know no scattering everything else is clear.
+    Absorption,
+    /// Whatever takes light out of its direction, absorbing or scattering it: in bodies, and in what fills the scene around them.
+    Extinction,
 }
 
 /// The bodies a ray is in, in the order it entered them.
@@ -159,6 +169,22 @@ fn walk(world: &World, ray: Ray, mut pass: impl FnMut(Medium, bool)) {
 /// What is left of light after `distance` metres in a medium, or in none.
 pub(crate) fn transmittance_of(medium: Option<&Medium>, distance: f32) -> Spectrum {
     medium.map_or(Spectrum::WHITE, |medium| transmittance(medium.absorption, distance))
+}
+
+/// What fills the space a ray is in, in a body or around them; `None` where nothing does.
+pub(crate) fn filling(world: &World, body: Option<&Medium>) -> Option<scene::Medium> {
+    match body {
+        Some(body) => world.material((body.body.1 != u32::MAX).then_some(MaterialId(body.body.1))).medium(),
+        None => world.scene().medium,
+    }
+}
+
+/// What is left of light after `distance` metres in a body, or around them.
+pub(crate) fn left(world: &World, body: Option<&Medium>, loss: Loss, distance: f32) -> Spectrum {
+    match loss {
+        Loss::Absorption => transmittance_of(body, distance),
+        Loss::Extinction => filling(world, body).map_or(Spectrum::WHITE, |medium| transmittance(medium.extinction(), distance)),
+    }
 }
 
 /// What is left of light after `distance` metres: `exp(−σ d)` by channel (Beer's law). Nothing comes from infinitely far.

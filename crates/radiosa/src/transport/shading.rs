@@ -1,6 +1,6 @@
 //! A surface seen from somewhere: normals on the viewer's side, textures looked up, the reflection function resolved.
 
-use super::media::{self, Media, Medium};
+use super::media::{self, Loss, Media, Medium};
 use super::{Surface, World};
 use crate::accel::Hit;
 use crate::bsdf::fresnel::Weighing;
@@ -74,20 +74,23 @@ pub struct Passage<'a> {
     pub(crate) glass: Glass,
     /// The bodies it starts in.
     pub(crate) media: &'a Media,
+    /// What takes light away between surfaces.
+    pub(crate) loss: Loss,
 }
 
 impl Passage<'static> {
     /// Straight, from vacuum, as the materials say.
-    pub const STRAIGHT: Self = Self { glass: Glass::Clear(Weighing::Material), media: &Media::VACUUM };
+    pub const STRAIGHT: Self = Self { glass: Glass::Clear(Weighing::Material), media: &Media::VACUUM, loss: Loss::Absorption };
 }
 
 impl Passage<'_> {
     /// What is left of the light on a segment that meets nothing.
-    fn absorbed(&self, segment: &Ray) -> Spectrum {
-        match self.media.current() {
-            None => Spectrum::WHITE,
-            medium => media::transmittance_of(medium, segment.dir.length() * segment.t_max),
+    fn left(&self, world: &World, segment: &Ray) -> Spectrum {
+        let body = self.media.current();
+        if body.is_none() && (self.loss == Loss::Absorption || world.scene().medium.is_none()) {
+            return Spectrum::WHITE;
         }
+        media::left(world, body, self.loss, segment.dir.length() * segment.t_max)
     }
 }
 
@@ -122,17 +125,19 @@ impl<'a> Filtered<'a> {
             (Glass::Opaque, _) => Spectrum::BLACK,
             // Hidden in a body of higher priority: there is no surface here.
             (_, None) => Spectrum::WHITE,
-            (Glass::Sheets, Some(_)) if body.is_some() || shading.bsdf.boundary().is_some() => Spectrum::BLACK,
+            (Glass::Sheets, Some(ior)) if body.is_some() || shading.bsdf.boundary().is_some() => {
+                shading.bsdf.within(ior).unbent().unwrap_or(Spectrum::BLACK)
+            }
             (Glass::Sheets, Some(ior)) => shading.bsdf.straight_transmission(shading.n, self.wo, ior),
             (Glass::Clear(by), Some(ior)) => shading.bsdf.weighed(by).straight_transmission(shading.n, self.wo, ior),
         };
         let open = Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage;
-        self.passed = self.passed * media::transmittance_of(through.as_ref(), distance) * open;
+        self.passed = self.passed * media::left(world, through.as_ref(), self.passage.loss, distance) * open;
     }
 
     /// What is left after the last `distance` metres.
-    fn end(self, distance: f32) -> Spectrum {
-        self.passed * media::transmittance_of(self.media.current(), distance)
+    fn end(self, world: &World, distance: f32) -> Spectrum {
+        self.passed * media::left(world, self.media.current(), self.passage.loss, distance)
     }
 }
 
@@ -262,7 +267,7 @@ impl World {
         std::array::from_fn(|i| match blocked >> i & 1 == 1 {
             true if self.has_transparency() => self.transmittance(&segments[i], passage, n_rays),
             true => Spectrum::BLACK,
-            false => passage.absorbed(&segments[i]),
+            false => passage.left(self, &segments[i]),
         })
     }
 
@@ -273,7 +278,7 @@ impl World {
     pub(crate) fn transmittance(&self, segment: &Ray, passage: Passage<'_>, n_rays: &mut u64) -> Spectrum {
         *n_rays += 1;
         if !self.has_transparency() {
-            return if self.accel().occluded(segment) { Spectrum::BLACK } else { Spectrum::WHITE };
+            return if self.accel().occluded(segment) { Spectrum::BLACK } else { passage.left(self, segment) };
         }
         // What is opaque decides without order; only when nothing is, the rest is put in order.
         let mut hits = [Hit { t: f32::INFINITY, instance: 0, primitive: 0, u: 0.0, v: 0.0 }; COLLECTED];
@@ -291,7 +296,7 @@ impl World {
         if self.accel().occluded_where(segment, is_opaque) {
             Spectrum::BLACK
         } else if n == 0 {
-            passage.absorbed(segment)
+            passage.left(self, segment)
         } else if let Some(hits) = hits.get_mut(..n) {
             hits.sort_unstable_by(|a, b| {
                 a.t.total_cmp(&b.t).then(a.instance.cmp(&b.instance)).then(a.primitive.cmp(&b.primitive))
@@ -324,7 +329,7 @@ impl World {
             }
             (last, begin) = (Some(side), hit.t);
         }
-        light.end(unit * (segment.t_max - begin))
+        light.end(self, unit * (segment.t_max - begin))
     }
 
     /// The same from one surface to the next, however many they are.
@@ -335,7 +340,7 @@ impl World {
         for _ in 0..MAX_LAYERS {
             *n_rays += 1;
             let unit = ray.dir.length();
-            let Some((hit, surface)) = self.closest_visible(&ray) else { return light.end(unit * ray.t_max) };
+            let Some((hit, surface)) = self.closest_visible(&ray) else { return light.end(self, unit * ray.t_max) };
             light.meet(self, &surface, unit * hit.t);
             if light.passed.is_black() {
                 return light.passed;

@@ -4,7 +4,7 @@ use super::super::{ImportError, Warnings};
 use super::json::Item;
 use super::texture::Textures;
 use crate::math::function;
-use crate::scene::{Alpha, AlphaMode, ColorMap, Material, MetallicRoughness, Model, NormalMap, ScalarMap, TextureRef};
+use crate::scene::{Alpha, AlphaMode, ColorMap, Inside, Material, MetallicRoughness, Model, NormalMap, ScalarMap, TextureRef};
 use crate::spectrum::Spectrum;
 
 /// Stands for the infinite index of `"ior": 0` and of specular–glossiness: F₀ = 0.9996 before the specular colour scales it, and
@@ -65,6 +65,7 @@ pub(super) fn read<'a>(item: &Item<'a>, textures: &mut Textures<'a>, warnings: &
         alpha: Alpha { mode, value: alpha },
         normal_map,
         unlit: item.extension("KHR_materials_unlit")?.is_some(),
+        inside: Inside::default(),
     })
 }
 

@@ -25,7 +25,7 @@ use super::picture::Pictures;
 use crate::import::Warnings;
 use crate::math::DVec2;
 use crate::scene::{
-    Alpha, AlphaMode, ColorMap, Material, MetallicRoughness, Model, NormalMap, Phong, PhongLobe, ScalarMap, TextureRef,
+    Alpha, AlphaMode, ColorMap, Inside, Material, MetallicRoughness, Model, NormalMap, Phong, PhongLobe, ScalarMap, TextureRef,
     UvTransform,
 };
 use crate::spectrum::Spectrum;
@@ -93,6 +93,7 @@ impl Converter<'_, '_> {
             alpha: Alpha { mode: if is_covering { AlphaMode::Opaque } else { AlphaMode::Blend }, value: map_opacity },
             normal_map: self.normal_map(),
             unlit: illum == 0,
+            inside: Inside::default(),
         }
     }
 

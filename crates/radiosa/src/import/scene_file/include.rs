@@ -154,7 +154,7 @@ struct Base {
     instances: usize,
 }
 
-/// Adds everything of `other`, mapped by `into`. Its environment, background and ambient light count where `scene` has none.
+/// Adds everything of `other`, mapped by `into`. Its environment, background, medium and ambient light count where `scene` has none.
 fn append(scene: &mut Scene, other: Scene, into: DAffine3) -> Base {
     let base = Base { materials: scene.materials.len(), meshes: scene.meshes.len(), instances: scene.instances.len() };
     let (images, textures) = (scene.images.len() as u32, scene.textures.len() as u32);
@@ -222,6 +222,7 @@ fn append(scene: &mut Scene, other: Scene, into: DAffine3) -> Base {
     if scene.background.is_black() {
         scene.background = other.background;
     }
+    scene.medium = scene.medium.or(other.medium);
     if scene.ambient.is_black() {
         scene.ambient = other.ambient;
     }

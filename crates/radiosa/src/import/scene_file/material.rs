@@ -4,17 +4,21 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::Reading;
-use super::value::{At, Color, Exponent, Fraction, Index, NonNegative, Number, OrTable, Pair, Positive, Priority, UvSet};
+use super::medium::MediumTable;
+use super::value::{
+    Asymmetry, At, Color, Exponent, Fraction, Index, NonNegative, Number, OrTable, Pair, Positive, Priority, UvSet,
+};
 use crate::import::ImportError;
 use crate::math::{DVec2, Vec2};
 use crate::scene::{
-    Alpha, AlphaMode, Behind, ColorMap, CookTorrance, Distribution, Filter, Form, Fresnel, Material, Metal, MetallicRoughness,
-    Model, NormalMap, Phong, PhongLobe, Sampler, ScalarMap, Shadowing, Texture, TextureRef, TextureSource, UvTransform, Wrap,
+    Alpha, AlphaMode, Behind, ColorMap, CookTorrance, Distribution, Filter, Form, Fresnel, Inside, Material, Metal,
+    MetallicRoughness, Model, NormalMap, Phong, PhongLobe, Sampler, ScalarMap, Shadowing, Texture, TextureRef, TextureSource,
+    UvTransform, Wrap,
 };
 use crate::spectrum::Spectrum;
 
 /// A material: at most one of the keys `lambert`, `phong`, `blinn_phong`, `cook_torrance`, `metallic_roughness`, `mirror`, `glass`,
-/// `thin_glass`, and what holds for all of them. Without one: matt, reflectance 0.8.
+/// `thin_glass`, `medium`, and what holds for all of them. Without one: matt, reflectance 0.8.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct MaterialTable {
@@ -36,6 +40,8 @@ pub(super) struct MaterialTable {
     glass: Option<GlassTable>,
     /// A sheet of glass without an inside: light goes straight on.
     thin_glass: Option<GlassTable>,
+    /// Bounds a body of a medium, of smoke for example, without reflecting or bending light.
+    medium: Option<MediumTable>,
     /// Radiance it emits from its front, W/(m² sr) or cd/m².
     emission: Option<OrTable<Spectrum, TexturedColor>>,
     /// Emission leaves both sides.
@@ -177,6 +183,10 @@ struct GlassTable {
     transmission: Option<Color>,
     /// Absorption inside (Beer), per unit of length of the file.
     absorption: Option<Color>,
+    /// Scattering inside, per unit of length of the file; path tracing.
+    scattering: Option<Color>,
+    /// The mean cosine of the angle by which light is scattered inside: above 0 forward, below 0 back; 0 when not given.
+    asymmetry: Option<Asymmetry>,
     /// Where two insides overlap the higher priority wins; 0 when not given.
     priority: Option<Priority>,
     /// Roughness α of its facets (not squared again); smooth when not given.
@@ -506,11 +516,13 @@ impl MaterialTable {
             ("mirror", self.mirror.is_some()),
             ("glass", self.glass.is_some()),
             ("thin_glass", self.thin_glass.is_some()),
+            ("medium", self.medium.is_some()),
         ];
         super::at_most_one(&r.text, span, "a material", &present)?;
         let mut m = base;
         if let Some(model) = self.model(span, r)? {
             m.model = model;
+            m.inside = self.inside(r);
         }
         if let Some(emission) = &self.emission {
             m.emission = color_map(emission, r)?;
@@ -546,6 +558,19 @@ impl MaterialTable {
         Ok(m)
     }
 
+    /// What fills the body, beside what absorbs.
+    fn inside(&self, r: &Reading<'_>) -> Inside {
+        match (&self.glass, &self.medium) {
+            (Some(g), _) => Inside {
+                scattering: r.per_metre(g.scattering),
+                asymmetry: g.asymmetry.map_or(0.0, |a| a.0 as f32),
+                emission: Spectrum::BLACK,
+            },
+            (None, Some(medium)) => medium.build(r).inside,
+            (None, None) => Inside::default(),
+        }
+    }
+
     fn model(&self, span: &std::ops::Range<usize>, r: &mut Reading<'_>) -> Result<Option<Model>, ImportError> {
         let black = || ColorMap::constant(Spectrum::BLACK);
         Ok(Some(if let Some(reflectance) = &self.lambert {
@@ -561,14 +586,23 @@ impl MaterialTable {
         } else if let Some(reflectance) = self.mirror {
             Model::Phong(Phong { diffuse: black(), mirror: reflectance.0, ..Phong::default() })
         } else if let Some((g, thin)) = self.glass.as_ref().map(|g| (g, false)).or(self.thin_glass.as_ref().map(|g| (g, true))) {
-            if thin && g.absorption.is_some() {
+            if thin && (g.absorption.is_some() || g.scattering.is_some() || g.asymmetry.is_some()) {
                 return Err(r.text.error(
                     span,
-                    "thin glass has no inside that could absorb",
+                    "thin glass has no inside that could absorb or scatter",
                     "use `transmission` to tint it, or `glass`",
                 ));
             }
             g.build(thin, span, r)?
+        } else if let Some(medium) = &self.medium {
+            // Light passes as it came.
+            Model::Phong(Phong {
+                diffuse: black(),
+                transmission: Spectrum::WHITE,
+                ior: 1.0,
+                absorption: medium.build(r).absorption,
+                ..Phong::default()
+            })
         } else {
             return Ok(None);
         }))

@@ -20,6 +20,7 @@ mod error;
 mod include;
 mod light;
 mod material;
+mod medium;
 mod polygon;
 mod replace;
 mod shape;
@@ -41,6 +42,7 @@ use self::error::Text;
 use self::include::Include;
 use self::light::{CameraTable, EnvironmentTable, LightTable};
 use self::material::{MaterialTable, TextureTable, Use};
+use self::medium::MediumTable;
 use self::shape::{BuiltGeometry, ShapeTable};
 use self::transform::Up;
 use self::value::{At, Color, Named, OneOrMany, Unit};
@@ -72,6 +74,8 @@ struct SceneFile {
     scale: Option<Unit>,
     /// What the camera sees behind everything; gives no light; black when not given.
     background: Option<Color>,
+    /// Fills all space outside of bodies: fog. Path tracing.
+    medium: Option<MediumTable>,
     /// Global ambient light `I_a` of the local models; black when not given.
     ambient: Option<Color>,
     /// Other files to include: a name, a table, or an array of them.
@@ -181,6 +185,7 @@ fn read_nested(bytes: &[u8], resolver: &Resolver, warnings: &mut Warnings, nesti
     };
     let texture_names: Vec<At<String>> = file.texture.0.iter().map(|(name, _)| name.clone()).collect();
     r.textures = file.texture.0.into_iter().map(|(name, table)| (name.value, table)).collect();
+    r.scene.medium = file.medium.as_ref().map(|medium| medium.build(&r));
     r.add_materials(&file.material.0)?;
     // A texture nobody uses must still be right.
     for name in &texture_names {
@@ -220,10 +225,10 @@ impl Reading<'_> {
         self.scene.from_file.transform_vector3(d).normalize()
     }
 
-    /// An absorption per unit of the file as one per metre.
-    fn per_metre(&self, absorption: Option<Color>) -> Spectrum {
+    /// What a medium absorbs, scatters or emits per unit of the file as that per metre.
+    fn per_metre(&self, of_unit: Option<Color>) -> Spectrum {
         #[expect(clippy::cast_possible_truncation, reason = "colours are kept in single precision")]
-        absorption.map_or(Spectrum::BLACK, |a| a.0 / transform::unit_length(&self.scene.from_file) as f32)
+        of_unit.map_or(Spectrum::BLACK, |of_unit| of_unit.0 / transform::unit_length(&self.scene.from_file) as f32)
     }
 
     /// The path of a file this one names.

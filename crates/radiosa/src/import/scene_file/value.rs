@@ -91,6 +91,8 @@ numbers! {
     HalfAngle: "an angle from 0 to 180 degrees", |x| (0.0..=180.0).contains(&x), { "type": "number", "minimum": 0, "maximum": 180 };
     /// An index of refraction.
     Index: "an index of refraction from 0.01 to 100", |x| (0.01..=100.0).contains(&x), { "type": "number", "minimum": 0.01, "maximum": 100 };
+    /// The mean cosine of scattering: nearer to ±1 single precision does not tell directions apart.
+    Asymmetry: "a number from -0.99 to 0.99", |x| x.abs() <= 0.99, { "type": "number", "minimum": -0.99, "maximum": 0.99 };
     /// How finely a round shape is cut.
     Segments: "a whole number from 3 to 1024", |x| x.fract() == 0.0 && (3.0..=1024.0).contains(&x), { "type": "integer", "minimum": 3, "maximum": 1024 };
     /// How many directions stand for an environment.

@@ -6,14 +6,16 @@
 //!
 //! At every surface of a path light is looked for twice: towards a point drawn on an emissive surface or a direction drawn from the sky (`emitter::random`,
 //! `emitter::environment`), and in a direction drawn from what the surface reflects ([`Scatter`](crate::bsdf::Scatter)), in which the path goes on. What both can find is
-//! weighed by the power heuristic [Veach95], so that each counts where it is the better way and the sum is right. Delta lights are looked at one and all.
+//! weighed by the power heuristic [Veach95], so that each counts where it is the better way and the sum is right. Delta lights are looked at
+//! one and all, of many some (`emitter::lamps`).
 //! Paths end by Russian roulette when little of what they bring would be seen.
 //!
 //! Mirrors and glass are followed one ray at a time, chosen by chance; which body a ray is in, and what it absorbs, is as in [`whitted`](super::whitted). Light from
 //! emissive surfaces and skies comes through glass and off mirrors to diffuse surfaces (caustics), by the paths that happen to hit the source: rightly, but
 //! with much noise where the source is small. From delta lights it does not: no path hits them. Sheets let it pass straight. Ambient light is ignored, since
-//! this is what it stands for. Nothing is clamped.
+//! this is what it stands for. Nothing is clamped. Homogeneous media scatter light between surfaces (`medium.rs`).
 
+mod medium;
 mod walk;
 
 use crate::bsdf::Highlights;
@@ -26,7 +28,7 @@ use crate::math::{Ray, Vec3};
 use crate::sampling::Stream;
 use crate::scene::{Light, LightKind};
 use crate::spectrum::Spectrum;
-use crate::transport::media::Media;
+use crate::transport::media::{Loss, Media};
 use crate::transport::{Emitters, Footprint, Glass, Integrator, LightSettings, Lights, Surface, World, default_light};
 
 use walk::Walk;
@@ -38,6 +40,9 @@ pub struct Settings {
     pub max_depth: Option<u32>,
     /// Paths that go on from what the eye sees, for each camera sample, at least 1: what is lit straight needs fewer samples than what is lit by other surfaces.
     pub branches: u32,
+    /// Where there are more than eight points and spots, so many of them are looked at from each place, drawn by what they give, and so many lights from infinitely far where
+    /// there are more than eight directions; up to eight. `None`: all of them.
+    pub drawn_lamps: Option<u32>,
     /// What the highlights of Phong's model do with light that does not come from delta lights.
     pub highlights: Highlights,
     /// Gives back the light that the facets of rough surfaces reflect more than once ([`multiple_scattering`](crate::bsdf::multiple_scattering)).
@@ -57,6 +62,7 @@ impl Default for Settings {
         Self {
             max_depth: None,
             branches: 4,
+            drawn_lamps: Some(2),
             highlights: Highlights::default(),
             multiple_scattering: false,
             fresnel: Weighing::Material,
@@ -82,6 +88,10 @@ pub struct PathTracer {
     has_backdrop: bool,
     /// Something transparent has an inside.
     has_bodies: bool,
+    /// Somewhere light is scattered or emitted between surfaces, or space around bodies absorbs.
+    has_media: bool,
+    /// What takes light away from shadow rays.
+    loss: Loss,
     /// The bodies the eye is in.
     around_eye: Media,
 }
@@ -90,7 +100,14 @@ impl PathTracer {
     /// Prepares the lights of a world.
     pub fn new(world: &World, settings: &Settings) -> Self {
         let light_settings = LightSettings { emitters: Emitters::Ignore, environment_shadows: EnvironmentShadows::On };
-        let lamps = Lights::prepare_without_skies(world, &light_settings, &settings.extra_lights).with_glass(Glass::Sheets);
+        let has_media = world.scene().has_media();
+        let loss = if has_media { Loss::Extinction } else { Loss::Absorption };
+        let lamps = Lights::prepare_without_skies(world, &light_settings, &settings.extra_lights);
+        let mut lamps = lamps.with_glass(Glass::Sheets).with_loss(loss);
+        let has_lamps = lamps.n_lamps() > 0;
+        if let Some(n) = settings.drawn_lamps {
+            lamps = lamps.drawing(n);
+        }
         let all = || world.scene().lights.iter().chain(&settings.extra_lights);
         let hemispheres = all().filter_map(|light| match light.kind {
             LightKind::Hemispherical { axis, down } => Some((axis.as_vec3().normalize_or(Vec3::Y), light.diffuse, down)),
@@ -98,13 +115,15 @@ impl PathTracer {
         });
         let has_bodies = world.scene().materials.iter().any(|m| m.transmits() && m.has_inside());
         Self {
-            has_lamps: lamps.n_lamps() > 0,
+            has_lamps,
             lamps,
             emissive: PointSampler::new(world.emissive()),
             sky: world.sky().and_then(SkySampler::new),
             hemispheres: hemispheres.collect(),
             has_backdrop: default_light::has_backdrop(world, &settings.extra_lights),
             has_bodies,
+            has_media,
+            loss,
             around_eye: settings.eye.filter(|_| has_bodies).map_or(Media::VACUUM, |eye| Media::around(world, eye)),
             settings: settings.clone(),
         }
@@ -113,12 +132,13 @@ impl PathTracer {
     /// The irradiance of a place on the side of the unit normal `n`, W/m² or lux, by about `samples` paths, and the standard error of its luminance from
     /// [`SETS`] independent sets of them. `key` names the random numbers.
     pub fn irradiance(&self, world: &World, surface: &Surface, n: Vec3, samples: u32, key: u64) -> (Spectrum, f64) {
+        let around = if self.has_media && self.has_bodies { Media::around(world, surface.p) } else { Media::VACUUM };
         let each = samples.div_ceil(SETS * self.settings.branches.max(1)).max(1);
         let of_set = |set: u32| {
             let mut sum = [0.0f64; 3];
             for i in 0..each {
                 let stream = Stream::new(key, u64::from(set), u64::from(i));
-                let light = Walk::new(self, world, stream, &mut 0).irradiance_of(surface, n);
+                let light = Walk::new(self, world, stream, &mut 0).irradiance_of(surface, n, around);
                 sum.iter_mut().zip(light.to_array()).for_each(|(sum, v)| *sum += f64::from(v));
             }
             sum.map(|v| v / f64::from(each))

@@ -1,6 +1,7 @@
 //! One path, from the eye or a sensor on.
 
 use super::PathTracer;
+use super::medium::Collision;
 use crate::bsdf::{Lobes, Scatter, Scattered, Way};
 use crate::emitter::random::Met;
 use crate::film::Pixel;
@@ -9,7 +10,7 @@ use crate::sampling::mis::power_heuristic;
 use crate::sampling::{Stream, sequence};
 use crate::spectrum::Spectrum;
 use crate::transport::eye::{self, BEHIND_MAX};
-use crate::transport::media::{self, Media, Medium};
+use crate::transport::media::{Media, Medium};
 use crate::transport::{Glass, Passage, Shading, Surface, World};
 
 use crate::raytrace::whitted::kept_above;
@@ -18,6 +19,8 @@ use crate::raytrace::whitted::kept_above;
 const DEPTH_LIMIT: u32 = 1 << 12;
 /// Paths go on with at most this probability,
 const MOST: f32 = 0.95;
+/// or this from one scattering in a medium to the next, of which light goes through many,
+const MOST_BETWEEN: f32 = 0.99;
 /// and end only when less of what they bring would be seen than this. Ending the Cornell box's at once where it is below 1 saves a third of the time and doubles
 /// the variance: by then a path has cost most of what it will.
 const DIM: f32 = 1.0 / 3.0;
@@ -26,37 +29,37 @@ const SPREAD: u32 = 2;
 
 /// A path in the making.
 pub(super) struct Walk<'a> {
-    method: &'a PathTracer,
-    world: &'a World,
-    stream: Stream,
-    n_rays: &'a mut u64,
+    pub(super) method: &'a PathTracer,
+    pub(super) world: &'a World,
+    pub(super) stream: Stream,
+    pub(super) n_rays: &'a mut u64,
     /// The bodies it is in.
-    media: Media,
+    pub(super) media: Media,
     /// Those on the other side of the last surface it met, where that bounds a body.
     behind: Media,
     /// Scatterings so far.
-    depth: u32,
+    pub(super) depth: u32,
 }
 
 /// A ray, and how it came to be.
-struct Onward {
-    ray: Ray,
-    /// The rough surface whose direction it has; `None` where light sources cannot have been found in any other way.
-    last: Option<Last>,
+pub(super) struct Onward {
+    pub(super) ray: Ray,
+    /// What drew its direction from a lobe; `None` where light sources cannot have been found in any other way.
+    pub(super) last: Option<Last>,
     /// From the eye to its start.
-    travelled: f32,
+    pub(super) travelled: f32,
 }
 
-/// A surface that drew a direction.
+/// A place that drew a direction.
 #[derive(Clone, Copy)]
-struct Last {
-    p: Vec3,
-    /// On the side to which the direction goes.
-    n: Vec3,
+pub(super) struct Last {
+    pub(super) p: Vec3,
+    /// On the side to which the direction goes; zero in a medium.
+    pub(super) n: Vec3,
     /// 1/sr.
-    pdf: f32,
+    pub(super) pdf: f32,
     /// How often points of emissive surfaces are looked for on that side.
-    share: f32,
+    pub(super) share: f32,
 }
 
 /// Light that comes straight from sources.
@@ -71,6 +74,30 @@ impl Found {
     fn sum(self) -> Spectrum {
         self.reflected.sum() + self.refracted
     }
+}
+
+/// How a ray ends.
+enum End {
+    Surface(Vertex),
+    /// It is scattered between surfaces.
+    Medium(Collision),
+    /// It leaves the scene.
+    Nowhere,
+}
+
+/// What there was on the way of a ray.
+#[derive(Clone, Copy)]
+pub(super) struct Between {
+    /// What is left of light from the end.
+    pub(super) open: Spectrum,
+    /// What media emit,
+    pub(super) glow: Spectrum,
+    /// and scatter of the light of lamps, as far as places are drawn by where those are.
+    pub(super) lit: Spectrum,
+}
+
+impl Between {
+    const NOTHING: Self = Self { open: Spectrum::WHITE, glow: Spectrum::BLACK, lit: Spectrum::BLACK };
 }
 
 /// A surface that scatters.
@@ -99,24 +126,37 @@ impl<'a> Walk<'a> {
         }
         let mut onward = Onward { ray: *ray, last: None, travelled: 0.0 };
         let begins = onward.ray.origin;
-        let (vertex, open) = self.meet(&mut onward);
-        let Some(vertex) = vertex else {
-            let is_first = onward.ray.origin == begins;
-            pixel.background = open * eye::behind(self.world, ray.dir, self.method.has_backdrop, is_first);
-            pixel.color = pixel.background;
-            return pixel;
+        let mut between = Between::NOTHING;
+        let end = self.meet(&mut onward, Spectrum::WHITE, &mut between);
+        let Between { open, glow, lit } = between;
+        pixel.emission = glow;
+        // What lamps give the media on the way counts as scattered once, in the lobe that comes from all around.
+        let lit = if self.method.settings.max_depth == Some(0) { Spectrum::BLACK } else { lit };
+        (pixel.diffuse, pixel.direct) = (lit, lit);
+        let vertex = match &end {
+            End::Surface(vertex) => vertex,
+            End::Medium(collision) => {
+                self.scattered_between(&mut pixel, collision, open);
+                return pixel;
+            }
+            End::Nowhere => {
+                let is_first = onward.ray.origin == begins;
+                pixel.background = open * eye::behind(self.world, ray.dir, self.method.has_backdrop, is_first);
+                pixel.color = pixel.background + pixel.emission + lit;
+                return pixel;
+            }
         };
         pixel.alpha = 1.0;
         eye::record(&mut pixel, self.world, &vertex.surface, &vertex.shading, vertex.travelled);
-        pixel.emission = open * vertex.shading.shown();
+        pixel.emission += open * vertex.shading.shown();
         pixel.color = pixel.emission;
         if self.method.settings.max_depth == Some(0) {
             return pixel;
         }
-        let scatter = self.scatter_at(&vertex);
-        let Found { reflected, refracted } = self.next_event(&vertex, &scatter);
+        let scatter = self.scatter_at(vertex);
+        let Found { reflected, refracted } = self.next_event(vertex, &scatter);
         (pixel.diffuse, pixel.specular, pixel.refraction) =
-            (open * reflected.diffuse, open * reflected.specular, open * refracted);
+            (lit + open * reflected.diffuse, open * reflected.specular, open * refracted);
         pixel.direct = pixel.diffuse + pixel.specular + pixel.refraction;
         let n_branches = self.method.settings.branches.max(1);
         let open = open / n_branches as f32;
@@ -127,13 +167,13 @@ impl<'a> Walk<'a> {
             if let Some(sides) = sides {
                 (self.media, self.behind) = sides;
             }
-            let Some((scattered, onward)) = self.go_on(&vertex, &scatter, None) else { continue };
+            let Some((scattered, onward)) = self.go_on(vertex, &scatter, None) else { continue };
             let weight = Lobes { diffuse: open * scattered.weight.diffuse, specular: open * scattered.weight.specular };
             let [once, more] = self.arriving(onward, weight.sum() * n_branches as f32);
             let all = once + more;
             pixel.diffuse += weight.diffuse * all;
             let lobe = match scattered.way {
-                Way::Rough { .. } if goes_through(&vertex, &scattered) => &mut pixel.refraction,
+                Way::Rough { .. } if goes_through(vertex, &scattered) => &mut pixel.refraction,
                 Way::Rough { .. } => &mut pixel.specular,
                 Way::Reflected => &mut pixel.reflection,
                 Way::Refracted => &mut pixel.refraction,
@@ -146,9 +186,9 @@ impl<'a> Walk<'a> {
         pixel
     }
 
-    /// The irradiance of a place on the side of `n`: π times what a white surface would reflect.
-    pub(super) fn irradiance_of(mut self, surface: &Surface, n: Vec3) -> Spectrum {
-        self.media = Media::VACUUM;
+    /// The irradiance of a place on the side of `n`, within the bodies around it: π times what a white surface would reflect.
+    pub(super) fn irradiance_of(mut self, surface: &Surface, n: Vec3, around: Media) -> Spectrum {
+        self.media = around;
         let vertex = Vertex {
             surface: *surface,
             shading: Shading::white(n),
@@ -161,7 +201,7 @@ impl<'a> Walk<'a> {
         let n_branches = self.method.settings.branches.max(1);
         for stream in self.stream.branches(n_branches) {
             self.stream = stream;
-            (self.media, self.depth) = (Media::VACUUM, 0);
+            (self.media, self.depth) = (around, 0);
             let Some((scattered, onward)) = self.go_on(&vertex, &scatter, None) else { continue };
             let weight = scattered.weight.sum();
             let [once, more] = self.arriving(onward, weight);
@@ -171,7 +211,7 @@ impl<'a> Walk<'a> {
     }
 
     /// What a scattered ray brings: straight from a source, and scattered before. `seen` is what of it reaches the eye.
-    fn arriving(&mut self, mut onward: Onward, seen: Spectrum) -> [Spectrum; 2] {
+    pub(super) fn arriving(&mut self, mut onward: Onward, seen: Spectrum) -> [Spectrum; 2] {
         let (mut once, mut more) = (Spectrum::BLACK, Spectrum::BLACK);
         let max_depth = self.method.settings.max_depth.unwrap_or(DEPTH_LIMIT).min(DEPTH_LIMIT);
         // What of the light at the end of the path arrives.
@@ -179,21 +219,41 @@ impl<'a> Walk<'a> {
         for depth in 1..=max_depth {
             let found = if depth == 1 { &mut once } else { &mut more };
             self.depth = depth;
-            let (vertex, open) = self.meet(&mut onward);
-            throughput = throughput * open;
-            let Some(vertex) = vertex else {
-                *found += throughput * self.beyond(&onward);
-                break;
-            };
-            *found += throughput * self.emission(&vertex, &onward);
-            if depth == max_depth {
-                break;
+            let mut between = Between::NOTHING;
+            let end = self.meet(&mut onward, seen * throughput, &mut between);
+            if self.method.has_media {
+                *found += throughput * between.glow;
+                if depth < max_depth {
+                    more += throughput * between.lit;
+                }
             }
-            let scatter = self.scatter_at(&vertex);
-            more += throughput * self.next_event(&vertex, &scatter).sum();
-            let Some((scattered, next)) = self.go_on(&vertex, &scatter, onward.last) else { break };
-            throughput = throughput * scattered.weight.sum();
-            let survival = ((seen * throughput).max_channel() / DIM).min(MOST);
+            throughput = throughput * between.open;
+            let found = if depth == 1 { &mut once } else { &mut more };
+            let (next, most) = match &end {
+                End::Surface(vertex) => {
+                    *found += throughput * self.emission(vertex, &onward);
+                    if depth == max_depth {
+                        break;
+                    }
+                    let scatter = self.scatter_at(vertex);
+                    more += throughput * self.next_event(vertex, &scatter).sum();
+                    let Some((scattered, next)) = self.go_on(vertex, &scatter, onward.last) else { break };
+                    throughput = throughput * scattered.weight.sum();
+                    (next, MOST)
+                }
+                End::Medium(collision) => {
+                    if depth == max_depth {
+                        break;
+                    }
+                    more += throughput * self.next_event_between(collision);
+                    (self.go_on_between(collision), MOST_BETWEEN)
+                }
+                End::Nowhere => {
+                    *found += throughput * self.beyond(&onward);
+                    break;
+                }
+            };
+            let survival = ((seen * throughput).max_channel() / DIM).min(most);
             if survival.is_nan() || self.stream.next_f32() >= survival {
                 break;
             }
@@ -203,21 +263,27 @@ impl<'a> Walk<'a> {
         [once, more]
     }
 
-    /// Follows a ray to the next surface that is there, through holes; what is left of light on the way.
-    fn meet(&mut self, onward: &mut Onward) -> (Option<Vertex>, Spectrum) {
+    /// Follows a ray to the next surface that is there, through holes, or to where a medium scatters it. `seen` is what of light from its start reaches the eye.
+    fn meet(&mut self, onward: &mut Onward, seen: Spectrum, between: &mut Between) -> End {
         let world = self.world;
-        let mut open = Spectrum::WHITE;
         for _ in 0..BEHIND_MAX {
             *self.n_rays += 1;
             let Some((hit, mut surface)) = world.closest_visible(&onward.ray) else {
-                if self.method.has_bodies {
-                    open = open * media::transmittance_of(self.media.current(), f32::INFINITY);
-                }
-                return (None, open);
+                let through = self.media.current().copied();
+                let scattered = self.go_through(through.as_ref(), onward, f32::INFINITY, seen, between);
+                let end = scattered.map_or(End::Nowhere, End::Medium);
+                return end;
             };
             let wo = -onward.ray.dir;
-            onward.travelled += hit.t;
-            surface.width = self.method.settings.footprint.width(onward.travelled, surface.ng.dot(wo));
+            // Without bodies nothing at the surface tells what the ray came through.
+            if self.method.has_media
+                && !self.method.has_bodies
+                && let Some(collision) = self.go_through(None, onward, hit.t, seen, between)
+            {
+                return End::Medium(collision);
+            }
+            let travelled = onward.travelled + hit.t;
+            surface.width = self.method.settings.footprint.width(travelled, surface.ng.dot(wo));
             let mut shading = world.shading(&surface, wo);
             let entering = surface.is_front(wo);
             let mut is_boundary = false;
@@ -234,19 +300,31 @@ impl<'a> Walk<'a> {
                     // In a body of higher priority there is no surface here.
                     is_hidden = boundary.surroundings.is_none();
                 }
-                open = open * media::transmittance_of(through.as_ref(), hit.t);
-                if is_hidden {
+                if let Some(collision) = self.go_through(through.as_ref(), onward, hit.t, seen, between) {
+                    return End::Medium(collision);
+                }
+                if surroundings != 1.0 && !is_hidden {
+                    shading.bsdf = shading.bsdf.within(surroundings);
+                }
+                let passes = match is_hidden {
+                    true => Some(Spectrum::WHITE),
+                    // Nor is one where light passes as it came.
+                    false if is_boundary && shading.emission.is_black() => shading.bsdf.unbent(),
+                    false => None,
+                };
+                if let Some(tint) = passes {
+                    let there = if is_hidden { 0.0 } else { shading.coverage };
+                    between.open = between.open * (Spectrum::gray(1.0 - there) + tint * there);
                     self.media = self.behind;
+                    onward.travelled = travelled;
                     onward.ray = surface.ray(onward.ray.dir);
                     continue;
-                }
-                if surroundings != 1.0 {
-                    shading.bsdf = shading.bsdf.within(surroundings);
                 }
                 if !entering {
                     shading.bsdf = shading.bsdf.met_from_inside();
                 }
             }
+            onward.travelled = travelled;
             if self.method.settings.multiple_scattering {
                 shading.bsdf = shading.bsdf.compensated();
             }
@@ -258,10 +336,10 @@ impl<'a> Walk<'a> {
                 onward.ray = surface.ray(onward.ray.dir);
                 continue;
             }
-            let travelled = onward.travelled;
-            return (Some(Vertex { surface, shading, entering, is_boundary, travelled }), open);
+            return End::Surface(Vertex { surface, shading, entering, is_boundary, travelled });
         }
-        (None, Spectrum::BLACK)
+        between.open = Spectrum::BLACK;
+        End::Nowhere
     }
 
     /// What a scattered ray sees where no surface is.
@@ -298,7 +376,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Four numbers: of a set that all samples of the pixel share, as long as that still tells.
-    fn next_4d(&mut self) -> [Vec2; 2] {
+    pub(super) fn next_4d(&mut self) -> [Vec2; 2] {
         if self.depth < SPREAD {
             let (key, i) = self.stream.next_set(1);
             sequence::point_4d(i, key)
@@ -360,12 +438,12 @@ impl<'a> Walk<'a> {
         }
         let share = scatter.share_through();
         if method.has_lamps {
-            let lamps =
-                method.lamps.at_random(self.world, surface, shading, Some(&self.media), (0, &mut self.stream), self.n_rays);
+            let u = if method.lamps.are_drawn() { self.next_4d()[0] } else { Vec2::ZERO };
+            let lamps = method.lamps.at_some(self.world, (surface, shading), (&self.media, u), self.n_rays);
             light.reflected = Lobes { diffuse: lamps.diffuse, specular: lamps.specular };
             if share > 0.0 {
                 let behind = if vertex.is_boundary { &self.behind } else { &self.media };
-                light.refracted = method.lamps.refracted(self.world, surface, shading, behind, self.n_rays);
+                light.refracted = method.lamps.refracted(self.world, (surface, shading), (behind, u), self.n_rays);
             }
         }
         if !method.emissive.is_empty() {
@@ -408,7 +486,8 @@ impl<'a> Walk<'a> {
             return;
         }
         let media = if goes_through && vertex.is_boundary { &self.behind } else { &self.media };
-        let passed = self.world.transmittance(&ray, Passage { glass: Glass::Sheets, media }, self.n_rays);
+        let passage = Passage { glass: Glass::Sheets, media, loss: self.method.loss };
+        let passed = self.world.transmittance(&ray, passage, self.n_rays);
         if passed.is_black() {
             return;
         }
