@@ -134,17 +134,24 @@ pub(crate) fn saved_or_solved(
             }
             Ok(Found { solution: saved.into_solution(world)?, done: 1.0, links: None })
         }
-        None => solved(world, &within_memory(settings, work), None, work, bar, None).map(|solved| {
-            if !work.quiet {
-                solved.warnings.iter().for_each(|(name, message)| tell(&format!("warning[{name}]: {message}")));
-            }
-            let links = match solved.progress {
-                Some(Progress::Hierarchical(links)) => Some(links),
-                _ => None,
-            };
-            Found { solution: solved.solution, done: solved.done, links }
-        }),
+        None => newly_solved(world, settings, State::Nothing, work, bar),
     }
+}
+
+/// A new solution.
+///
+/// # Errors
+/// When solving takes too much memory.
+fn newly_solved(world: &World, settings: &Settings, state: State, work: &Work, bar: &progress::Progress) -> Result<Found, Error> {
+    let solved = solved(world, &within_memory(settings, work), state, work, bar, None)?;
+    if !work.quiet {
+        solved.warnings.iter().for_each(|(name, message)| tell(&format!("warning[{name}]: {message}")));
+    }
+    let links = match solved.progress {
+        Some(Progress::Hierarchical(links)) => Some(links),
+        _ => None,
+    };
+    Ok(Found { solution: solved.solution, done: solved.done, links })
 }
 
 /// A new solution for a hybrid, which finds the light of elements by itself: nothing is solved before unless a solver is asked for, or elements are too many for that.
@@ -154,10 +161,11 @@ pub(crate) fn saved_or_solved(
 pub(crate) fn to_gather_from(world: &World, settings: &Settings, work: &Work, bar: &progress::Progress) -> Result<Found, Error> {
     if matches!(settings.solver, solve::Solver::Auto) && settings.refine.levels == 0 {
         elements_within_memory(world, settings, work)?;
-        let solution = Solution::to_be_found(world, settings);
-        if solution.mesh.elements().len() <= FinalGather::MOST_ELEMENTS {
-            return Ok(Found { solution, done: 1.0, links: None });
+        let division = Division::new(world, settings);
+        if division.mesh().elements().len() > FinalGather::MOST_ELEMENTS {
+            return newly_solved(world, settings, State::Divided(Box::new(division)), work, bar);
         }
+        return Ok(Found { solution: Solution::to_be_found(world, division, settings), done: 1.0, links: None });
     }
     saved_or_solved(world, settings, None, work, bar)
 }
@@ -192,6 +200,14 @@ struct Save<'a> {
     every: Duration,
 }
 
+/// What is there when a solve begins.
+enum State {
+    Nothing,
+    Divided(Box<Division>),
+    /// A solve that is gone on with.
+    Begun(Box<(Division, Solution, Option<Progress>)>),
+}
+
 /// A solution, whole or as far as it came.
 struct Solved {
     solution: Solution,
@@ -220,7 +236,7 @@ fn within_memory(settings: &Settings, work: &Work) -> Settings {
     settings
 }
 
-/// Solves until it is done, time is up or somebody interrupts; goes on from `state`, when there is one. What was solved before elements were divided again is given
+/// Solves until it is done, time is up or somebody interrupts; goes on from `state`. What was solved before elements were divided again is given
 /// back where that ends before the new mesh says more.
 ///
 /// # Errors
@@ -228,7 +244,7 @@ fn within_memory(settings: &Settings, work: &Work) -> Settings {
 fn solved(
     world: &World,
     settings: &Settings,
-    state: Option<(Division, Solution, Option<Progress>)>,
+    state: State,
     work: &Work,
     bar: &progress::Progress,
     save: Option<&Save>,
@@ -236,8 +252,12 @@ fn solved(
     let start = Instant::now();
     elements_within_memory(world, settings, work)?;
     let (mut division, mut before) = match state {
-        Some((division, solution, progress)) => (division, Some((solution, progress))),
-        None => (Division::new(world, settings), None),
+        State::Nothing => (Division::new(world, settings), None),
+        State::Divided(division) => (*division, None),
+        State::Begun(begun) => {
+            let (division, solution, progress) = *begun;
+            (division, Some((solution, progress)))
+        }
     };
     let mesh_time = start.elapsed();
     let mut warnings = Vec::new();
@@ -416,11 +436,14 @@ fn run_solve(args: &Solve, json: bool) -> Result<ExitCode, Error> {
         .with("quantity", output::quantity_name(world.scene().quantity))
         .with("cpu-path", world.cpu_path().to_string());
     let state = if args.resume && output.exists() {
-        Some(file::open(&output, work.max_memory)?.to_resume(&world, &settings)?)
+        State::Begun(Box::new(file::open(&output, work.max_memory)?.to_resume(&world, &settings)?))
     } else {
-        None
+        State::Nothing
     };
-    let resumed = state.as_ref().map(|(_, solution, _)| solution.history.records.len());
+    let resumed = match &state {
+        State::Begun(begun) => Some(begun.1.history.records.len()),
+        State::Nothing | State::Divided(_) => None,
+    };
     let on_the_way = recipe.clone().with(UNFINISHED, "saved on the way; solve with --resume goes on with it");
     let save = Save { path: &output, recipe: &on_the_way, every: args.save_every };
     let bar = progress::Progress::new("solve", UNIT, work.quiet);

@@ -13,7 +13,7 @@ use common::{scene_of, world_of};
 use radiosa::hybrid::FinalGather;
 use radiosa::math::{Ray, Vec3};
 use radiosa::radiosity::gather::{Gather, Scratch};
-use radiosa::radiosity::{self, Solution};
+use radiosa::radiosity::{self, Division, Solution};
 use radiosa::raytrace::path::{PathTracer, Settings};
 use radiosa::sampling::{rng, sequence, warp};
 use radiosa::scene::{Model, Scene};
@@ -239,7 +239,7 @@ fn by_hybrid(world: &World, sensors: &[(Surface, Vec3)], effort: &Effort) -> Sai
     let read = |elements: u32| {
         let mut settings = radiosity::Settings::default();
         settings.mesh.elements = elements;
-        let solution = Solution::to_be_found(world, &settings);
+        let solution = Solution::to_be_found(world, Division::new(world, &settings), &settings);
         let gather = FinalGather::new(world, &solution, &[], 0).settled(1024, &|| false);
         let at = |(k, (surface, n)): (usize, &(Surface, Vec3))| {
             let arriving = gather.sensor(surface, *n, effort.rays, rng::key(&[k as u64, u64::from(elements)]));

@@ -18,7 +18,7 @@ const CORNERS: usize = 10;
 /// Pieces at most.
 const PIECES: usize = 48;
 /// Triangles that are cut out at most.
-pub(crate) const BLOCKERS: usize = 48;
+pub(crate) const BLOCKERS: usize = 96;
 /// What lies nearer than this to a plane lies in it, in parts of the largest coordinate.
 const NEAR: f32 = gamma(64);
 /// Smaller than this in units of the lengths that make it, a side of a cone is none.
@@ -206,9 +206,15 @@ impl Seen {
     pub(crate) fn past(&self, p: Vec3, blockers: &[Triangle]) -> Result<f32, Unclear> {
         let p = p.as_dvec3();
         let mut pieces = vec![self.whole];
-        for blocker in blockers {
-            let corners = blocker.corners.map(|c| c.as_dvec3() - p);
-            let Some((sides, n_sides)) = self.cone(corners)? else { continue };
+        let mut k = 0;
+        while let Some(blocker) = blockers.get(k) {
+            let whole = blockers.get(k + 1).and_then(|next| quadrilateral(blocker, next));
+            k += 1 + usize::from(whole.is_some());
+            let cone = match whole {
+                Some(corners) => self.cone(&corners.map(|c| c - p))?,
+                None => self.cone(&blocker.corners.map(|c| c.as_dvec3() - p))?,
+            };
+            let Some((sides, n_sides)) = cone else { continue };
             // From the end: what is left of a piece goes behind all that are still to be asked.
             for i in (0..pieces.len()).rev() {
                 if !pieces[i].is_outside(&sides[..n_sides], self.tiny) {
@@ -225,11 +231,11 @@ impl Seen {
         Ok(pieces.iter().map(|piece| piece.projected(self.n)).sum::<f64>() as f32)
     }
 
-    /// The planes through the point and the edges of what of a triangle lies before the polygon, their normals inwards.
-    fn cone(&self, corners: [DVec3; 3]) -> Result<Option<([DVec3; 4], usize)>, Unclear> {
+    /// The planes through the point and the edges of what of a convex polygon lies before this one, their normals inwards.
+    fn cone(&self, corners: &[DVec3]) -> Result<Option<([DVec3; 5], usize)>, Unclear> {
         let mut blocker = Piece::EMPTY;
         for corner in corners {
-            blocker.push(corner)?;
+            blocker.push(*corner)?;
         }
         let before = |c: &DVec3| self.height - c.dot(self.normal) > self.near;
         if !corners.iter().all(before) {
@@ -240,7 +246,7 @@ impl Seen {
             return Ok(None);
         }
         let sign = facing.signum();
-        let (mut sides, mut n) = ([DVec3::ZERO; 4], 0);
+        let (mut sides, mut n) = ([DVec3::ZERO; 5], 0);
         for i in 0..blocker.n {
             let (u, v) = (blocker.corners[i], blocker.corners[(i + 1) % blocker.n]);
             let side = u.cross(v) * sign;
@@ -252,6 +258,25 @@ impl Seen {
         }
         Ok((n >= 3).then_some((sides, n)))
     }
+}
+
+/// Two triangles of one mesh that are a flat convex quadrilateral together: it has two sides less than they have.
+fn quadrilateral(first: &Triangle, second: &Triangle) -> Option<[DVec3; 4]> {
+    let i = (0..3).find(|&i| {
+        let [a, b] = [first.corners[i], first.corners[(i + 1) % 3]];
+        (0..3).any(|j| second.corners[j] == b && second.corners[(j + 1) % 3] == a)
+    })?;
+    let [a, b, c] = [0, 1, 2].map(|k| first.corners[(i + k) % 3]);
+    let d = *second.corners.iter().find(|p| **p != a && **p != b)?;
+    let largest = [a, b, c, d].iter().fold(0.0, |m: f32, p| m.max(p.abs().max_element()));
+    let ring = [a, d, b, c].map(|p| p.as_dvec3());
+    let normal = (ring[2] - ring[0]).cross(ring[3] - ring[0]).try_normalize()?;
+    let is_flat = (ring[1] - ring[0]).dot(normal).abs() <= f64::from(gamma(4) * largest);
+    let turns = |k: usize| {
+        let [p, q, r] = [0, 1, 2].map(|m| ring[(k + m) % 4]);
+        (q - p).cross(r - q).dot(normal)
+    };
+    (is_flat && (0..4).all(|k| turns(k) > 0.0)).then_some(ring)
 }
 
 fn area_vector(corners: &[DVec3]) -> DVec3 {

@@ -7,11 +7,18 @@
 //! ```
 //!
 //! is below the accuracy `a`, R_i the harmonic mean of the distances its rays went; with weight `(1 − ε/a)²` instead of the papers' `1/ε`, so that it fades
-//! out where it ends, and
-//! value `E_i + (n_i × n)·∇_r + (x − x_i)·∇_t`.
+//! out where it ends. Several are averaged, each carried to `x` by its turning gradient and half by its own moving gradient, half by the mean of all:
+//!
+//! ```text
+//! E = Σ w_i (E_i + (n_i × n)·∇_r,i + ½ (x − x_i)·(∇_i + ∇̄))      ∇̄ = Σ w_i ∇_i, Σ w_i = 1
+//! ```
+//!
+//! By the trapezium rule that is exact for quadratic light where records lie evenly around `x`, while `E_i + (x − x_i)·∇_i` would be off by half its second
+//! derivative times the mean square of their distances, and all in the same direction.
 
-use super::gather::Gathered;
+use super::gather::{Gathered, Shift};
 use crate::math::{Bounds, Vec3};
+use crate::sampling::rng;
 use crate::spectrum::Spectrum;
 
 /// An irradiance that holds around a place.
@@ -22,6 +29,39 @@ struct Record {
     /// `R_i`.
     radius: f32,
     gathered: Gathered,
+    /// Of the numbers it was made by.
+    shift: Shift,
+}
+
+/// Records, weighted.
+#[derive(Default)]
+struct Sum {
+    weight: f32,
+    /// Turned only.
+    turned: Spectrum,
+    /// What their own gradients add.
+    moved: Spectrum,
+    gradient: [Vec3; 3],
+    /// From their places.
+    way: Vec3,
+}
+
+impl Sum {
+    #[inline(always)]
+    fn add(&mut self, record: &Record, way: Vec3, turn: Vec3, weight: f32) {
+        let Gathered { irradiance, translation, rotation, .. } = &record.gathered;
+        self.weight += weight;
+        self.turned += (*irradiance + Spectrum::from(rotation.map(|g| g.dot(turn)))) * weight;
+        self.moved += Spectrum::from(translation.map(|g| g.dot(way))) * weight;
+        self.gradient.iter_mut().zip(translation).for_each(|(sum, g)| *sum += *g * weight);
+        self.way += way * weight;
+    }
+
+    fn mean(&self) -> Spectrum {
+        let one = 1.0 / self.weight;
+        let by_all = Spectrum::from(self.gradient.map(|g| g.dot(self.way * one)));
+        ((self.turned + (self.moved + by_all) * 0.5) * one).map(|e| e.max(0.0))
+    }
 }
 
 /// A cube of the octree.
@@ -69,7 +109,7 @@ impl Cache {
 
     /// Keeps what was gathered at a place. It reaches at least and at most so far, and not much farther than light varies.
     /// (Zero: where it is not known how wide a pixel is, nothing limits it.)
-    pub(super) fn insert(&mut self, p: Vec3, n: Vec3, mut gathered: Gathered, [least, most]: [f32; 2]) {
+    pub(super) fn insert(&mut self, (p, n): (Vec3, Vec3), mut gathered: Gathered, shift: Shift, [least, most]: [f32; 2]) {
         let most = if most > 0.0 { most / self.accuracy } else { f32::INFINITY };
         let e = gathered.irradiance.luminance();
         let along = |axis: usize| Spectrum::from(gathered.translation.map(|g| g[axis])).luminance();
@@ -82,7 +122,7 @@ impl Cache {
             gathered.translation = gathered.translation.map(|g| g * (whole / radius));
         }
         let index = self.records.len() as u32;
-        self.records.push(Record { p, n, radius, gathered });
+        self.records.push(Record { p, n, radius, gathered, shift });
         self.place(0, (self.middle, self.half), index, DEPTH);
     }
 
@@ -116,14 +156,31 @@ impl Cache {
         (count > 0.0).then(|| sum / count)
     }
 
+    /// A shift that together with those of the records that reach a place, and of `others`, with weights, is spread as evenly as one of a few random ones can be:
+    /// of least wrap-around L₂ discrepancy [Hickernell98].
+    pub(super) fn shift(&self, p: Vec3, n: Vec3, stretched: f32, others: impl Iterator<Item = (f32, Shift)>, key: u64) -> Shift {
+        const CANDIDATES: usize = 32;
+        let shifts: [Shift; CANDIDATES] = std::array::from_fn(|i| {
+            let [a, b] = [0, 1].map(|k| rng::nth(key, 2 * i as u64 + k));
+            [(a >> 32) as u32, a as u32, (b >> 32) as u32, b as u32]
+        });
+        let mut costs = [0.0; CANDIDATES];
+        let mut count = |weight: f32, other: &Shift| {
+            for (cost, shift) in costs.iter_mut().zip(&shifts) {
+                *cost += weight * shift.iter().zip(other).map(|(a, b)| closeness(a.wrapping_sub(*b))).product::<f32>();
+            }
+        };
+        self.each(p, n, stretched, |record, weight| count(weight, &record.shift));
+        others.for_each(|(weight, other)| count(weight, &other));
+        let best = (0..CANDIDATES).min_by(|&i, &j| costs[i].total_cmp(&costs[j]));
+        shifts[best.unwrap_or(0)]
+    }
+
     /// Interpolated where some record reaches, each `stretched` as far as it does by itself.
     pub fn irradiance(&self, p: Vec3, n: Vec3, stretched: f32) -> Option<Spectrum> {
-        let (mut sum, mut weights) = (Spectrum::BLACK, 0.0);
-        self.each(p, n, stretched, |record, weight| {
-            sum += record.gathered.at(p - record.p, record.n.cross(n)) * weight;
-            weights += weight;
-        });
-        (weights > 1e-6).then(|| sum * (1.0 / weights))
+        let mut sum = Sum::default();
+        self.each(p, n, stretched, |record, weight| sum.add(record, p - record.p, record.n.cross(n), weight));
+        (sum.weight > 1e-6).then(|| sum.mean())
     }
 
     /// The records that reach a place, each `stretched` as far as it does by itself, with their weights.
@@ -155,6 +212,12 @@ impl Cache {
             node = first as usize + child;
         }
     }
+}
+
+/// Of two numbers in a ring of 2³².
+fn closeness(difference: u32) -> f32 {
+    let x = rng::unit_f32(difference);
+    1.5 - x * (1.0 - x)
 }
 
 fn child_of((middle, half): (Vec3, f32), child: usize) -> (Vec3, f32) {

@@ -8,7 +8,7 @@ use std::cell::RefCell;
 use rayon::prelude::*;
 
 use super::Hybrid;
-use super::gather::Gathered;
+use super::gather::{Gathered, Numbers, Shift};
 use crate::math::Vec3;
 use crate::raytrace::whitted::{Asked, Indirect};
 use crate::sampling::{Stream, rng};
@@ -101,7 +101,9 @@ impl<'a> Solver for Filling<'a, '_> {
             let allowed = NOISE * hybrid.settings.cache;
             let unknown: Vec<&Wanted> =
                 some.iter().filter(|w| hybrid.cache.irradiance(w.surface.p, w.n, 1.0).is_none()).collect();
+            let shifts = hybrid.shifts(&unknown, most * pixel);
             let first = hybrid.cache.len() as u64;
+            let pattern = rng::key(&[hybrid.settings.seed, 0x7061_7474_6572_6E73]);
             let gather = |(i, w): (usize, &&Wanted)| {
                 let key = rng::key(&[hybrid.settings.seed, first + i as u64, 0x6761_7468_6572]);
                 let mut n_rays = 0;
@@ -110,16 +112,19 @@ impl<'a> Solver for Filling<'a, '_> {
                     let look = hybrid.gather.gather(&w.surface, w.n, hybrid.settings.rays, rng::mix(key), &mut n_rays);
                     look.error_of_one()
                 });
-                let rays = hybrid.settings.rays as f32;
-                let rays = Gathered::rays_for(allowed, known).clamp(rays, MORE * rays) as u32;
-                let gathered = hybrid.gather.gather(&w.surface, w.n, rays, key, &mut n_rays);
+                let times = Gathered::rays_for(allowed, known) / hybrid.settings.rays as f32;
+                // (In whole steps: only gathers of as many cells have cells in common.)
+                let rays = hybrid.settings.rays * times.clamp(1.0, MORE) as u32;
+                let numbers = Numbers { key, pattern, shift: shifts[i] };
+                let gathered = hybrid.gather.gather_shifted(&w.surface, w.n, rays, numbers, &mut n_rays);
                 (gathered, n_rays)
             };
             let gathered: Vec<_> = unknown.par_iter().enumerate().map(gather).collect();
             let unknown: Vec<Wanted> = unknown.into_iter().copied().collect();
-            for (w, (gathered, n_rays)) in unknown.iter().zip(gathered) {
+            for ((w, shift), (gathered, n_rays)) in unknown.iter().zip(shifts).zip(gathered) {
                 self.n_rays += n_rays;
-                self.hybrid.cache.insert(w.surface.p, w.n, gathered, [LEAST, most].map(|pixels| pixels * pixel * w.width));
+                let reach = [LEAST, most].map(|pixels| pixels * pixel * w.width);
+                self.hybrid.cache.insert((w.surface.p, w.n), gathered, shift, reach);
             }
         }
         let is_last_part = self.stride == FIRST || self.part == 2;
@@ -133,6 +138,25 @@ impl<'a> Solver for Filling<'a, '_> {
 
     fn solution(&self) -> &Hybrid<'a> {
         self.hybrid
+    }
+}
+
+impl Hybrid<'_> {
+    /// Shifts for gathers at some places, that fit those of records and of one another; `width` is how far apart they are at most, in widths of camera samples.
+    fn shifts(&self, places: &[&Wanted], width: f32) -> Vec<Shift> {
+        let mut shifts: Vec<Shift> = Vec::with_capacity(places.len());
+        for (i, w) in places.iter().enumerate() {
+            let reach = super::STRETCHED * width * w.width;
+            let weight = |other: &Wanted| {
+                let near = 1.0 - w.surface.p.distance(other.surface.p) / reach;
+                if near > 0.0 && w.n.dot(other.n) > 0.99 { near * near } else { 0.0 }
+            };
+            let others = places.iter().zip(&shifts).map(|(other, shift)| (weight(other), *shift)).filter(|other| other.0 > 0.0);
+            let key = rng::key(&[self.settings.seed, (self.cache.len() + i) as u64, 0x7368_6966_7473]);
+            let shift = self.cache.shift(w.surface.p, w.n, super::STRETCHED, others, key);
+            shifts.push(shift);
+        }
+        shifts
     }
 }
 

@@ -20,7 +20,7 @@ use crate::sampling::{Stream, rng, sequence, warp};
 use crate::scene::{AlphaMode, Light, Material, Model};
 use crate::spectrum::Spectrum;
 use crate::transport::media::Media;
-use crate::transport::{Emitters, LightSettings, Lights, Shading, Surface, World};
+use crate::transport::{Care, Emitters, LightSettings, Lights, Shading, Surface, World};
 
 /// A hit nearer than this many times the side of its element is looked at closely; where light varies among its neighbours, up to the second.
 const NEAR: [f32; 2] = [1.0, 4.0];
@@ -54,6 +54,8 @@ pub struct FinalGather<'a> {
     pub(super) nearer: f32,
     sky: DirectLight<'a>,
     pub(super) lights: Lights,
+    /// By points of all emissive surfaces together, where a closed form for each would cost more than the noise it saves: for what is looked at closely.
+    near_lights: Option<Lights>,
     /// By material: rays end there, and what they meet reflects diffusely alone.
     plain: Vec<bool>,
     pub(super) seed: u64,
@@ -89,16 +91,37 @@ impl Gathered {
     pub(super) fn rays_for(error: f32, error_of_one: f32) -> f32 {
         function::pow(error_of_one / error, ORDER)
     }
+}
 
-    /// Carried along by some way, and turned around an axis.
-    pub(super) fn at(&self, way: Vec3, turn: Vec3) -> Spectrum {
-        let change = std::array::from_fn(|c| self.translation[c].dot(way) + self.rotation[c].dot(turn));
-        (self.irradiance + Spectrum::from(change)).map(|e| e.max(0.0))
+/// The random numbers of a gather: where in its cell each ray goes, and where the first bounce of those that need one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Numbers {
+    /// Names all others.
+    pub(super) key: u64,
+    /// Names what is the same in many gathers, but for a shift that is the same for all cells: where shifts of neighbouring gathers are spread evenly, so are their
+    /// rays, and what is averaged over them has less noise than of independent ones.
+    pub(super) pattern: u64,
+    pub(super) shift: Shift,
+}
+
+/// By dimension, of the whole of numbers from 0 to 2³².
+pub(super) type Shift = [u32; 4];
+
+impl Numbers {
+    fn of_cell(&self, cell: u32) -> [Vec2; 2] {
+        let bits = rng::nth(self.pattern, u64::from(cell));
+        let shifted = |x: u32, k: usize| rng::unit_f32(x.wrapping_add(self.shift[k]));
+        let bounce = sequence::point_2d(cell, self.pattern);
+        let back = |x: f32| (x * 4_294_967_296.0) as u32;
+        [
+            Vec2::new(shifted((bits >> 32) as u32, 0), shifted(bits as u32, 1)),
+            Vec2::new(shifted(back(bounce.x), 2), shifted(back(bounce.y), 3)),
+        ]
     }
 }
 
 /// A cell of the hemisphere.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 struct Cell {
     light: Spectrum,
     distance: f32,
@@ -111,6 +134,8 @@ impl<'a> FinalGather<'a> {
         let over_pi = |h: &[f64; 3]| rgb(h.map(|h| h * std::f64::consts::FRAC_1_PI));
         let lights = LightSettings { emitters: Emitters::Points { n: 1, max: 2 }, ..LightSettings::default() };
         let irradiance: Vec<Spectrum> = solution.irradiance.iter().map(over_pi).collect();
+        let prepared = || Lights::prepare_without_skies(world, &lights, extra_lights);
+        let closed_form = prepared().in_closed_form(world, Care::OfGathers);
         Self {
             world,
             mesh: &solution.mesh,
@@ -119,7 +144,8 @@ impl<'a> FinalGather<'a> {
             irradiance,
             nearer: 1.0,
             sky: DirectLight::new(world, extra_lights, seed),
-            lights: Lights::prepare_without_skies(world, &lights, extra_lights).in_closed_form(world),
+            near_lights: if closed_form.is_one_polygon() { None } else { Some(prepared().with_random_points(world)) },
+            lights: closed_form,
             plain: world.scene().materials.iter().map(is_plain).collect(),
             seed,
         }
@@ -127,50 +153,43 @@ impl<'a> FinalGather<'a> {
 
     /// The irradiance on the side of the unit normal `n`, without what comes straight from lamps and emissive surfaces; `key` names its random numbers.
     pub fn gather(&self, surface: &Surface, n: Vec3, rays: u32, key: u64, n_rays: &mut u64) -> Gathered {
+        self.gather_shifted(surface, n, rays, Numbers { key, pattern: key, shift: Shift::default() }, n_rays)
+    }
+
+    /// The same with numbers that others share.
+    pub(super) fn gather_shifted(&self, surface: &Surface, n: Vec3, rays: u32, numbers: Numbers, n_rays: &mut u64) -> Gathered {
         let m = ((rays as f32 / PI).sqrt().round() as u32).max(1);
         let turns = rays.div_ceil(m).max(3);
         let frame = Frame::from_normal(n);
         let side = if surface.ng.dot(n) >= 0.0 { surface.ng } else { -surface.ng };
         let count = (m * turns) as f32;
+        let look = |cell: u32| {
+            let [u, bounce] = numbers.of_cell(cell);
+            let s = ((cell % m) as f32 + u.x) / m as f32;
+            let phi = TAU * ((cell / m) as f32 + u.y) / turns as f32;
+            let r = s.sqrt();
+            let dir = frame.to_world(Vec3::new(r * function::cos(phi), r * function::sin(phi), (1.0 - s).max(0.0).sqrt()));
+            // A bent normal's rays into the surface itself bring nothing.
+            if dir.dot(side) <= 0.0 {
+                return Cell { light: Spectrum::BLACK, distance: f32::INFINITY };
+            }
+            let key = rng::nth(numbers.key, u64::from(cell));
+            let (light, distance) = self.arriving(&surface.ray(dir), Reach::first(key, bounce), n_rays);
+            Cell { light, distance }
+        };
+        let cells: Vec<Cell> = (0..m * turns).map(look).collect();
         let mut gathered = Gathered::default();
         let (mut nearness, mut differences) = (0.0, 0.0);
-        let mut before = vec![Cell::default(); m as usize];
-        let mut column = before.clone();
-        let mut first = before.clone();
-        for k in 0..=turns {
-            if k < turns {
-                for j in 0..m {
-                    let bits = rng::nth(key, u64::from(k * m + j));
-                    let u = Vec2::new(rng::unit_f32((bits >> 32) as u32), rng::unit_f32(bits as u32));
-                    let s = (j as f32 + u.x) / m as f32;
-                    let phi = TAU * (k as f32 + u.y) / turns as f32;
-                    let r = s.sqrt();
-                    let local = Vec3::new(r * function::cos(phi), r * function::sin(phi), (1.0 - s).max(0.0).sqrt());
-                    let dir = frame.to_world(local);
-                    let (light, distance) = if dir.dot(side) > 0.0 {
-                        self.arriving(&surface.ray(dir), Reach::first(bits), n_rays)
-                    } else {
-                        // A bent normal's rays into the surface itself bring nothing.
-                        (Spectrum::BLACK, f32::INFINITY)
-                    };
-                    column[j as usize] = Cell { light, distance };
-                    gathered.irradiance += light;
-                    nearness += 1.0 / distance.max(f32::MIN_POSITIVE);
-                }
-                if k == 0 {
-                    first.clone_from(&column);
-                }
-            } else {
-                column.clone_from(&first);
-            }
-            if k > 0 {
-                differences += before.iter().zip(&column).map(|(a, b)| (a.light - b.light).luminance().powi(2)).sum::<f32>();
-                change_across(&before, &column, (k % turns, turns), &frame, &mut gathered.translation);
-            }
-            if k < turns {
-                change_along(&column, (k, turns), &frame, &mut gathered);
-            }
-            std::mem::swap(&mut before, &mut column);
+        for cell in &cells {
+            gathered.irradiance += cell.light;
+            nearness += 1.0 / cell.distance.max(f32::MIN_POSITIVE);
+        }
+        let column = |k: u32| &cells[((k % turns) * m) as usize..][..m as usize];
+        for k in 0..turns {
+            let (before, column) = (column(k + turns - 1), column(k));
+            differences += before.iter().zip(column).map(|(a, b)| (a.light - b.light).luminance().powi(2)).sum::<f32>();
+            change_across(before, column, (k, turns), &frame, &mut gathered.translation);
+            change_along(column, (k, turns), &frame, &mut gathered);
         }
         // Half the square of a difference is the variance of independent cells; a slope from cell to cell leaves a sixth of that within each.
         let mean = gathered.irradiance.luminance();
@@ -310,8 +329,10 @@ impl<'a> FinalGather<'a> {
     /// such a surface again.
     fn looked_at(&self, surface: &Surface, shading: &Shading, reach: Reach<'_>, n_rays: &mut u64) -> Spectrum {
         let mut stream = Stream::new(reach.key, 0, 0);
-        let direct = self.lights.at_random(self.world, surface, shading, Some(&Media::VACUUM), (1, &mut stream), n_rays).diffuse;
-        let dir = Frame::from_normal(shading.n).to_world(warp::cosine_hemisphere(stream.next_2d()));
+        let lights = self.near_lights.as_ref().unwrap_or(&self.lights);
+        let direct = lights.at_random(self.world, surface, shading, Some(&Media::VACUUM), (1, &mut stream), n_rays).diffuse;
+        let u = if reach.bounces == 0 { reach.bounce } else { stream.next_2d() };
+        let dir = Frame::from_normal(shading.n).to_world(warp::cosine_hemisphere(u));
         let side = if surface.is_front(shading.wo) { surface.ng } else { -surface.ng };
         if dir.dot(side) <= 0.0 {
             return direct;
@@ -400,6 +421,8 @@ pub(super) struct Reach<'s> {
     /// Elements count as near within so many times their own distance.
     near: f32,
     key: u64,
+    /// Where the first bounce goes.
+    bounce: Vec2,
     /// What is left of the light that goes this way back.
     through: Spectrum,
     /// Where elements are noted, instead of having their light counted.
@@ -411,8 +434,8 @@ pub(super) type Sink = RefCell<Vec<(u32, Spectrum)>>;
 
 impl<'s> Reach<'s> {
     /// As [`Self::first`], with elements noted in `sink`.
-    pub(super) const fn noting(key: u64, sink: &'s Sink) -> Self {
-        Self { sink: Some(sink), ..Self::first(key) }
+    pub(super) const fn noting(key: u64, bounce: Vec2, sink: &'s Sink) -> Self {
+        Self { sink: Some(sink), ..Self::first(key, bounce) }
     }
 
     /// What it meets nearby is found by one more bounce.
@@ -420,8 +443,8 @@ impl<'s> Reach<'s> {
         self.bounces < BOUNCES
     }
 
-    pub(super) const fn first(key: u64) -> Self {
-        Self { mirrors: 0, sees_emission: false, bounces: 0, near: 1.0, key, through: Spectrum::WHITE, sink: None }
+    pub(super) const fn first(key: u64, bounce: Vec2) -> Self {
+        Self { mirrors: 0, sees_emission: false, bounces: 0, near: 1.0, key, bounce, through: Spectrum::WHITE, sink: None }
     }
 }
 

@@ -103,8 +103,9 @@ impl FinalGather<'_> {
                 let (sink, mut light, mut far) = (Sink::default(), Spectrum::BLACK, 0u32);
                 for ray in 0..of_set {
                     let index = (2 * place as u32 + half) * of_set + ray;
-                    let dir = frame.to_world(warp::cosine_hemisphere(sequence::point_2d(index, key)));
-                    let reach = Reach::noting(rng::mix(key ^ u64::from(index)), &sink);
+                    let [u, bounce] = sequence::point_4d(index, key);
+                    let dir = frame.to_world(warp::cosine_hemisphere(u));
+                    let reach = Reach::noting(rng::mix(key ^ u64::from(index)), bounce, &sink);
                     let (arriving, distance) = self.arriving(&surface.ray(dir), reach, &mut n_rays);
                     light += arriving;
                     far += u32::from(distance >= near);

@@ -95,12 +95,10 @@ impl Solution {
         }
     }
 
-    /// The elements of a world without any light, for who finds it otherwise.
-    pub fn to_be_found(world: &World, settings: &Settings) -> Self {
-        let direct = settings.direct(world);
-        let mesh = ElementMesh::new(world, &settings.mesh, &direct);
-        let system = system(world, &mesh, &direct);
-        Self::unsolved(mesh, system)
+    /// The elements of a divided world without any light, for who finds it otherwise.
+    pub fn to_be_found(world: &World, division: Division, settings: &Settings) -> Self {
+        let system = system(world, &division.mesh, &settings.direct(world));
+        Self::unsolved(division.mesh, system)
     }
 
     /// Radiosities with the [`Self::ambient`] light added, for pictures of solutions on their way: `B_i + ρ_i Amb`.

@@ -23,7 +23,8 @@ use crate::spectrum::Spectrum;
 use crate::transport::eye::{self, BEHIND_MAX, NEGLIGIBLE};
 use crate::transport::media::{self, Media, Medium};
 use crate::transport::{
-    Emitters, Footprint, Glass, Integrator, LightSettings, Lights, LocalLight, Shading, Surface, Viewer, World, default_light,
+    Care, Emitters, Footprint, Glass, Integrator, LightSettings, Lights, LocalLight, Shading, Surface, Viewer, World,
+    default_light,
 };
 
 /// The deepest recursion there is, whatever is asked for: the machine's stack is finite.
@@ -134,7 +135,7 @@ impl Whitted {
     pub(crate) fn with_indirect(world: &World, settings: &Settings, forward: Vec3) -> Self {
         let glass = if settings.transparent_shadows { Glass::Clear(settings.fresnel) } else { Glass::Opaque };
         let lights = Lights::prepare_without_skies(world, &settings.lights, &settings.extra_lights);
-        Self::with_lights(world, settings, forward, lights.with_glass(glass).in_closed_form(world), false)
+        Self::with_lights(world, settings, forward, lights.with_glass(glass).in_closed_form(world, Care::OfPictures), false)
     }
 
     fn with_lights(world: &World, settings: &Settings, forward: Vec3, lights: Lights, sky_is_light: bool) -> Self {

@@ -2,7 +2,7 @@
 //! radiosity's displayed direct part share.
 
 use super::media::{self, Loss, Media};
-use super::polygons::{Brought, PolygonLights};
+use super::polygons::{Brought, Care, PolygonLights};
 use super::{Glass, Passage, Shading, Surface, World};
 use crate::bsdf::Lobes;
 use crate::bsdf::fresnel::Weighing;
@@ -215,10 +215,15 @@ impl Lights {
     }
 
     /// As [`Self::with_random_points`], but the diffuse light of what is large and flat comes in closed form, where its shadows can be cut out.
-    pub(crate) fn in_closed_form(self, world: &World) -> Self {
+    pub(crate) fn in_closed_form(self, world: &World, care: Care) -> Self {
         let mut lights = self.with_random_points(world);
-        lights.polygons = lights.random_points.as_ref().and_then(|_| PolygonLights::new(world.emissive()));
+        lights.polygons = lights.random_points.as_ref().and_then(|_| PolygonLights::new(world.emissive(), care));
         lights
+    }
+
+    /// One polygon in closed form is all that emits.
+    pub(crate) fn is_one_polygon(&self) -> bool {
+        self.polygons.as_ref().is_some_and(|polygons| polygons.all().len() == 1 && polygons.rest().is_none())
     }
 
     /// Lights with a place or a direction, about.
@@ -454,7 +459,7 @@ impl Lights {
         let p = rounding::offset_origin(world.shadow_origin(surface, shading.n), surface.p_error, surface.ng, side);
         let receiver = Receiver { p, n: shading.n, side };
         for polygon in polygons.all() {
-            light.diffuse += match polygon.bring(world, &receiver, n, n_rays) {
+            light.diffuse += match polygon.bring(world, &receiver, (polygons.care(), n), n_rays) {
                 Brought::Exactly(e) => lambertian_radiance(diffuse, e),
                 Brought::Partly(free) => {
                     let points = (&polygon.sampler, n, set);

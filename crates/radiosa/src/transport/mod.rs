@@ -20,6 +20,7 @@ mod world;
 pub use direct::{Emitters, LightSettings, Lights, LocalLight, Viewer};
 pub use footprint::Footprint;
 pub use integrator::Integrator;
+pub(crate) use polygons::Care;
 pub use shading::{Glass, Passage, Shading, Textures};
 pub use solver::{Solver, Step};
 pub use surface::Surface;
