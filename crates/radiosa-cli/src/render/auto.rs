@@ -16,12 +16,9 @@ use crate::solve;
 const ALL: [Method; 6] = [Method::Hybrid, Method::Path, Method::Radiosity, Method::Whitted, Method::Raycast, Method::Scanline];
 
 /// The methods that look at every option that was typed; all of them where none does.
-fn methods_for(picture: &Picture, given: &[String]) -> Vec<Method> {
+fn methods_for(given: &[String]) -> Vec<Method> {
     let looks = |method: &&Method| given.iter().filter_map(|option| methods_of(option)).all(|methods| methods.contains(*method));
-    let mut methods: Vec<Method> = ALL.iter().filter(looks).copied().collect();
-    if picture.solution.is_some() || picture.show == args::Show::Irradiance {
-        methods.retain(|method| matches!(method, Method::Radiosity));
-    }
+    let methods: Vec<Method> = ALL.iter().filter(looks).copied().collect();
     if methods.is_empty() { ALL.to_vec() } else { methods }
 }
 
@@ -33,7 +30,7 @@ pub(crate) fn by_options(picture: &Picture, given: &[String]) -> Option<Choice> 
     if picture.solution.is_some() || picture.show == args::Show::Irradiance {
         return Some(Choice { method: Method::Radiosity, why: Some("it is asked for what radiosity knows") });
     }
-    match methods_for(picture, given)[..] {
+    match methods_for(given)[..] {
         [method] => Some(Choice { method, why: Some("the options are for it alone") }),
         _ => None,
     }
@@ -41,7 +38,7 @@ pub(crate) fn by_options(picture: &Picture, given: &[String]) -> Option<Choice> 
 
 /// The method for a scene, and for the `time` there is.
 pub(crate) fn by_scene(picture: &Picture, stage: &Stage, time: Option<Duration>, given: &[String]) -> Choice {
-    let (world, methods) = (&stage.world, methods_for(picture, given));
+    let (world, methods) = (&stage.world, methods_for(given));
     let choice = |wanted: &[Method], why| {
         let method = wanted.iter().chain(&ALL).copied().find(|method| methods.contains(method));
         Choice { method: method.unwrap_or(Method::Raycast), why: Some(why) }
