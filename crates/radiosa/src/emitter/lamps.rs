@@ -11,9 +11,8 @@
 //! exactly. Light from infinitely far is the same everywhere but for its cosine: it is drawn by that from a list.
 
 use super::point::{Falloff, Point};
-use super::seen::EVERYWHERE;
-use super::tree::cos_of_difference;
-use super::{Emitter, Incident};
+use super::tree::{Node, cos_of_difference, descend};
+use super::{EVERYWHERE, Emitter, Incident};
 use crate::math::{Bounds, Vec3};
 
 /// So many and no more are all looked at: a shadow ray each costs less than the noise of drawing.
@@ -26,20 +25,11 @@ const ROUNDING: f32 = 1e-3;
 /// Lights without size, to be drawn from.
 #[derive(Debug)]
 pub(crate) struct Lamps {
-    nodes: Vec<Node>,
+    nodes: Vec<Node<Reach>>,
     /// Points and spots, in the order of the leaves.
     lamps: Vec<Emitter>,
     /// What arrives everywhere.
     suns: Vec<Incident>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Node {
-    reach: Reach,
-    /// Of a leaf the first of its lights; else the second child, the first being the next node.
-    at: u32,
-    /// Lights of a leaf; 0 of an inner node.
-    count: u32,
 }
 
 /// Where a set of lights is and where it shines.
@@ -103,23 +93,8 @@ impl Lamps {
 
     /// What arrives at `p` with normal `n` ([`EVERYWHERE`] in a medium) from the light with a place that `u` in `[0, 1)` draws, over the probability of that.
     pub(crate) fn draw_lamp(&self, p: Vec3, n: Vec3, u: f64) -> Option<Incident> {
-        let mut u = u;
-        let mut probability = 1.0;
-        let mut at = 0;
-        let mut node = self.nodes.first()?;
-        while node.count == 0 {
-            let (first, second) = (at + 1, node.at as usize);
-            let (a, b) = (self.nodes[first].reach.importance(p, n), self.nodes[second].reach.importance(p, n));
-            let share = f64::from(a) / (f64::from(a) + f64::from(b));
-            if share.is_nan() {
-                return None;
-            }
-            let is_first = u < share;
-            (at, u) = if is_first { (first, u / share) } else { (second, (u - share) / (1.0 - share)) };
-            probability *= if is_first { share } else { 1.0 - share };
-            node = &self.nodes[at];
-        }
-        let lamps = &self.lamps[node.at as usize..][..node.count as usize];
+        let (leaf, u, probability) = descend(&self.nodes, u, |reach| reach.importance(p, n))?;
+        let lamps = &self.lamps[leaf.at as usize..][..leaf.count as usize];
         let mut choice = Choice::new(u);
         for incident in lamps.iter().filter_map(|lamp| lamp.incident(p)) {
             choice.offer(incident, given(&incident, n));
@@ -189,7 +164,7 @@ fn point_of(emitter: &Emitter) -> &Point {
 }
 
 /// Makes the nodes over some lights, which it sorts; `first` is where they stand.
-fn grow(lamps: &mut [Emitter], first: usize, nodes: &mut Vec<Node>) {
+fn grow(lamps: &mut [Emitter], first: usize, nodes: &mut Vec<Node<Reach>>) {
     let at = nodes.len();
     nodes.push(Node { reach: Reach::of(lamps), at: first as u32, count: lamps.len() as u32 });
     if lamps.len() <= LEAF {

@@ -27,6 +27,8 @@ pub mod sky_sampler;
 pub mod spot;
 mod tree;
 
+pub(crate) use seen::EVERYWHERE;
+
 use crate::math::{DVec3, Vec3};
 use crate::scene::{Light, LightKind};
 use crate::spectrum::Spectrum;

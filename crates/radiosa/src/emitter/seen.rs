@@ -10,7 +10,7 @@ use crate::math::{Affine3A, DVec3, Frame, Vec2, Vec3, function};
 use crate::sampling::warp;
 
 /// The normal of a place that light reaches from all around, as in a medium: its cosines count as one.
-pub(super) const EVERYWHERE: Vec3 = Vec3::ZERO;
+pub(crate) const EVERYWHERE: Vec3 = Vec3::ZERO;
 
 /// Triangles smaller than this (sr) are drawn by area, which is as good there and cheaper.
 const SMALL: f32 = 0.02;

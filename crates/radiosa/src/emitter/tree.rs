@@ -24,7 +24,7 @@ const SPLITS: usize = 3;
 /// Emissive surfaces in a tree.
 #[derive(Clone, Debug)]
 pub(super) struct Tree {
-    nodes: Vec<Node>,
+    nodes: Vec<Node<Reach>>,
     /// In the order of the leaves.
     surfaces: Vec<EmissiveSurface>,
     /// Of each surface its leaf.
@@ -33,13 +33,44 @@ pub(super) struct Tree {
     parents: Vec<u32>,
 }
 
-#[derive(Clone, Debug)]
-struct Node {
-    reach: Reach,
-    /// Of a leaf the first of its surfaces; else the second child, the first being the next node.
-    at: u32,
-    /// Surfaces of a leaf; 0 of an inner node.
-    count: u32,
+/// A node of a tree that chooses light sources.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Node<R> {
+    /// Where its sources are and where they shine.
+    pub(super) reach: R,
+    /// Of a leaf the first of its sources; else the second child, the first being the next node.
+    pub(super) at: u32,
+    /// Sources of a leaf; 0 of an inner node.
+    pub(super) count: u32,
+}
+
+/// The probability that the way down from an inner node takes its first child; not a number where neither gives light.
+#[inline]
+fn share_of_first<R>(nodes: &[Node<R>], node: usize, importance: impl Fn(&R) -> f32) -> f64 {
+    let (first, second) = (node + 1, nodes[node].at as usize);
+    let (a, b) = (importance(&nodes[first].reach), importance(&nodes[second].reach));
+    f64::from(a) / (f64::from(a) + f64::from(b))
+}
+
+/// The leaf to which `u` in `[0, 1)` leads by importances, what is left of `u` for a choice there, and the probability; `None` where nothing gives light.
+#[inline]
+pub(super) fn descend<R>(nodes: &[Node<R>], u: f64, importance: impl Fn(&R) -> f32) -> Option<(&Node<R>, f64, f64)> {
+    let mut u = u;
+    let mut probability = 1.0;
+    let mut at = 0;
+    let mut node = nodes.first()?;
+    while node.count == 0 {
+        let (first, second) = (at + 1, node.at as usize);
+        let share = share_of_first(nodes, at, &importance);
+        if share.is_nan() {
+            return None;
+        }
+        let is_first = u < share;
+        (at, u) = if is_first { (first, u / share) } else { (second, (u - share) / (1.0 - share)) };
+        probability *= if is_first { share } else { 1.0 - share };
+        node = &nodes[at];
+    }
+    Some((node, u, probability))
 }
 
 /// Where a set of surfaces is and where it shines.
@@ -95,23 +126,8 @@ impl Tree {
 
     /// As [`Place::choose`], for one choice.
     pub(super) fn choose(&self, p: Vec3, n: Vec3, u: f64) -> Option<(Seen<'_>, f32)> {
-        let nodes = &self.nodes;
-        let mut u = u;
-        let mut probability = 1.0;
-        let mut at = 0;
-        let mut node = nodes.first()?;
-        while node.count == 0 {
-            let (first, second) = (at + 1, node.at as usize);
-            let share = self.share_of_first(at, p, n);
-            if share.is_nan() {
-                return None;
-            }
-            let is_first = u < share;
-            (at, u) = if is_first { (first, u / share) } else { (second, (u - share) / (1.0 - share)) };
-            probability *= if is_first { share } else { 1.0 - share };
-            node = &nodes[at];
-        }
-        self.weigh(node, p, n).choose(u, probability)
+        let (leaf, u, probability) = descend(&self.nodes, u, |reach| reach.importance(p, n))?;
+        self.weigh(leaf, p, n).choose(u, probability)
     }
 
     /// Surface `k` of [`Self::surfaces`] as a place with normal `n` sees it, and the probability with which [`Place::choose`] chooses it; `None` where it gives
@@ -125,18 +141,11 @@ impl Tree {
         while at != 0 {
             let parent = self.parents[at] as usize;
             let is_first = at == parent + 1;
-            let share = self.share_of_first(parent, p, n);
+            let share = share_of_first(&self.nodes, parent, |reach| reach.importance(p, n));
             probability *= if is_first { share } else { 1.0 - share };
             at = parent;
         }
         (probability > 0.0).then_some((seen, probability as f32))
-    }
-
-    /// The probability that the way down from an inner node takes its first child; not a number where neither gives light.
-    fn share_of_first(&self, node: usize, p: Vec3, n: Vec3) -> f64 {
-        let (first, second) = (node + 1, self.nodes[node].at as usize);
-        let (a, b) = (self.nodes[first].reach.importance(p, n), self.nodes[second].reach.importance(p, n));
-        f64::from(a) / (f64::from(a) + f64::from(b))
     }
 
     /// As a place with normal `n` sees it.
@@ -145,7 +154,7 @@ impl Tree {
         Place { tree: self, p, n, only }
     }
 
-    fn weigh(&self, leaf: &Node, p: Vec3, n: Vec3) -> Weighed<'_> {
+    fn weigh(&self, leaf: &Node<Reach>, p: Vec3, n: Vec3) -> Weighed<'_> {
         let mut weighed = Weighed { seen: [const { None }; LEAF], sum: 0.0 };
         for (seen, surface) in weighed.seen.iter_mut().zip(&self.surfaces[leaf.at as usize..][..leaf.count as usize]) {
             *seen = Seen::new(surface, p, n);
@@ -217,7 +226,7 @@ impl Leaf {
 }
 
 /// Makes the nodes over some leaves, which it sorts; `first` is where they stand.
-fn grow(leaves: &mut [Leaf], first: usize, nodes: &mut Vec<Node>) {
+fn grow(leaves: &mut [Leaf], first: usize, nodes: &mut Vec<Node<Reach>>) {
     let at = nodes.len();
     nodes.push(Node { reach: Reach::of(leaves), at: first as u32, count: leaves.len() as u32 });
     if leaves.len() <= LEAF {

@@ -11,7 +11,7 @@ use crate::emitter::environment::Sky;
 use crate::emitter::lamps::{Choice, Lamps};
 use crate::emitter::polygon::Receiver;
 use crate::emitter::random::PointSampler;
-use crate::emitter::{Emitter, EnvironmentShadows, Incident};
+use crate::emitter::{EVERYWHERE, Emitter, EnvironmentShadows, Incident};
 use crate::math::rounding;
 use crate::math::{Bounds, Frame, Ray, Vec2, Vec3};
 use crate::radiometry::lambertian_radiance;
@@ -321,8 +321,7 @@ impl Lights {
         };
         self.emitters.iter().for_each(|emitter| emitter.for_each_incident(p, &mut scatter));
         if let Some((lamps, n)) = &self.many {
-            // Zero is the normal of a place that light reaches from all around.
-            Self::drawn(lamps, *n, p, Vec3::ZERO, u).into_iter().flatten().for_each(scatter);
+            Self::drawn(lamps, *n, p, EVERYWHERE, u).into_iter().flatten().for_each(scatter);
         }
         sum
     }

@@ -16,7 +16,7 @@ use std::f32::consts::FRAC_PI_2;
 
 use super::walk::{Between, Last, Onward, Walk};
 use crate::bsdf::phase::Phase;
-use crate::emitter::Incident;
+use crate::emitter::{EVERYWHERE, Incident};
 use crate::film::Pixel;
 use crate::math::{Ray, Vec2, Vec3, function};
 use crate::sampling::mis::power_heuristic;
@@ -208,7 +208,7 @@ impl Walk<'_> {
         }
         if !method.emissive.is_empty() {
             let [u, choice] = self.next_4d();
-            if let Some(drawn) = method.emissive.draw(p, Vec3::ZERO, u, choice.x) {
+            if let Some(drawn) = method.emissive.draw(p, EVERYWHERE, u, choice.x) {
                 let ray = Surface::in_space(p, Vec3::ZERO, drawn.wi).shadow_ray(drawn.target);
                 let world = self.world;
                 let radiance = || world.emission_from(drawn.surface, drawn.position);
@@ -246,7 +246,7 @@ impl Walk<'_> {
         let Collision { p, wo, phase, travelled, .. } = *collision;
         let [u, _] = self.next_4d();
         let wi = phase.sample(wo, u);
-        Onward { ray: Ray::new(p, wi), last: Some(Last { p, n: Vec3::ZERO, pdf: phase.evaluate(wo, wi), share: 1.0 }), travelled }
+        Onward { ray: Ray::new(p, wi), last: Some(Last { p, n: EVERYWHERE, pdf: phase.evaluate(wo, wi), share: 1.0 }), travelled }
     }
 }
 
