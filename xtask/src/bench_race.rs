@@ -1,5 +1,6 @@
-//! `cargo xtask bench race [--turns N]`: the Cornell box by `radiosa render --method hybrid` beside POV-Ray 3.7 with radiosity: processor and wall seconds of whole
-//! processes at two threads, interleaved, medians; and how far each picture is from the reference (`crates/radiosa/examples/picture_error.rs`).
+//! `cargo xtask bench race [--turns N] [ROOM…]`: rooms of matt surfaces by `radiosa render --method hybrid` beside POV-Ray 3.7 with radiosity and Mitsuba 3.9.1: processor
+//! and wall seconds of whole processes at two threads, interleaved, medians; and how far each picture is from a reference (`crates/radiosa/examples/picture_error.rs`).
+//! `race_room.rs` makes the rooms.
 
 use std::path::Path;
 use std::process::Command;
@@ -8,7 +9,10 @@ use anyhow::{Context, Result, bail};
 use serde_json::Value;
 
 use crate::bench_whitted::{Cost, median};
+use crate::race_room::{Prepared, ROOMS, Room};
 
+/// The error at which programs are compared.
+const TARGET: f64 = 1e-3;
 /// Options of the hybrid: a quick picture, the default, as it is and at four samples, and one that took its time.
 const OURS: [(&str, &[&str]); 4] = [
     ("hybrid, quick", &["--spp", "1", "--elements", "500", "--cache", "0.8", "--gather", "128"]),
@@ -16,87 +20,128 @@ const OURS: [(&str, &[&str]); 4] = [
     ("hybrid, 4 samples", &["--spp", "4"]),
     ("hybrid, fine", &["--spp", "1", "--cache", "0.1", "--elements", "4000"]),
 ];
-/// Count, error bound and lamps along a side of the luminaire.
-const THEIRS: [(&str, [&str; 3]); 2] = [("POV-Ray, quick", ["100", "0.5", "4"]), ("POV-Ray, fine", ["600", "0.4", "9"])];
 
-/// Runs both and prints the table.
+/// Runs all programs on each room and prints the tables.
 pub(crate) fn run(args: &[String]) -> Result<()> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("xtask lies in the workspace")?;
-    let turns = args.iter().position(|a| a == "--turns").and_then(|i| args.get(i + 1)).map_or("3", String::as_str);
-    let turns: usize = turns.parse().context("--turns wants a number")?;
+    let (mut turns, mut names) = (3, Vec::new());
+    let mut args = args.iter();
+    while let Some(arg) = args.next() {
+        match arg.as_str() {
+            "--turns" => turns = args.next().and_then(|n| n.parse().ok()).context("--turns wants a number")?,
+            name => names.push(name),
+        }
+    }
+    if let Some(name) = names.iter().find(|name| ROOMS.iter().all(|room| room.name != **name)) {
+        bail!("there is no room {name:?}: {}", ROOMS.map(|room| room.name).join(", "));
+    }
     if Command::new("povray").arg("--version").output().is_err() {
         bail!("this compares with POV-Ray 3.7, which is not installed; on Debian: apt-get install povray");
     }
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("xtask lies in the workspace")?;
     crate::run(crate::cargo().current_dir(root).args(["build", "--release", "--quiet", "--package", "radiosa-cli"]))?;
-    let example = ["build", "--release", "--quiet", "--package", "radiosa", "--example", "picture_error"];
-    crate::run(crate::cargo().current_dir(root).args(example))?;
-    let pictures = root.join("target/bench-race");
-    std::fs::create_dir_all(&pictures).context("cannot make a folder for the pictures")?;
-    let file = |k: usize, ending: &str| pictures.join(format!("{k}.{ending}"));
-    let mut commands: Vec<(&str, Command)> = Vec::new();
-    for (k, (name, options)) in OURS.into_iter().enumerate() {
-        let mut command = Command::new(root.join("target/release/radiosa"));
-        command.args([
-            "render",
-            "cornell-box",
-            "--method",
-            "hybrid",
-            "--size",
-            "512x512",
-            "--threads",
-            "2",
-            "--layers",
-            "none",
-            "-q",
-        ]);
-        command.args(options).arg("-o").arg(file(k, "exr"));
-        commands.push((name, command));
+    let examples = ["--example", "picture_error", "--example", "diffuse_room"];
+    crate::run(crate::cargo().current_dir(root).args(["build", "--release", "--quiet", "--package", "radiosa"]).args(examples))?;
+    for room in ROOMS.iter().filter(|room| names.is_empty() || names.contains(&room.name)) {
+        race(&Prepared::new(root, room)?, turns)?;
     }
-    for (k, (name, settings)) in (OURS.len()..).zip(THEIRS) {
-        let mut write = Command::new("python3");
-        write.arg(root.join("benches/race/cornell-box.py")).arg(file(k, "pov")).args(settings);
-        if !write.status().context("cannot start python3")?.success() {
-            bail!("the scene for POV-Ray cannot be written");
-        }
-        let mut command = Command::new("povray");
-        command.arg(format!("+I{}", file(k, "pov").display())).arg(format!("+O{}", file(k, "exr").display()));
-        command.args(["+FE", "+W512", "+H512", "-A", "-D", "+WT2"]);
-        commands.push((name, command));
+    Ok(())
+}
+
+/// A way to draw a room.
+struct Row {
+    name: String,
+    command: Command,
+    /// Samples a pixel of a program whose error falls with their number.
+    samples: Option<u32>,
+}
+
+/// What a row took, and how far its picture is from the reference.
+struct Outcome {
+    processor: f64,
+    wall: f64,
+    error: Value,
+}
+
+impl Outcome {
+    fn number(&self, key: &str) -> f64 {
+        self.error[key].as_f64().unwrap_or(f64::NAN)
     }
-    let mut costs: Vec<Vec<Cost>> = commands.iter().map(|_| Vec::new()).collect();
+}
+
+fn race(room: &Prepared, turns: usize) -> Result<()> {
+    let mut rows = rows(room)?;
+    let mut costs: Vec<Vec<Cost>> = rows.iter().map(|_| Vec::new()).collect();
     for _ in 0..turns.max(1) {
-        for ((_, command), costs) in commands.iter_mut().zip(&mut costs) {
-            costs.push(Cost::of(command)?);
+        for (row, costs) in rows.iter_mut().zip(&mut costs) {
+            costs.push(Cost::of(&mut row.command)?);
         }
     }
-    let data = root.join("crates/radiosa-testkit/data/cornell-box");
-    let mut measure = Command::new(root.join("target/release/examples/picture_error"));
-    // (The reference's own noise stands in its README.)
-    measure.arg(data.join("reference.exr")).arg(data.join("mask.png")).arg("2.1e-5");
-    measure.args((0..commands.len()).map(|k| file(k, "exr")));
-    let output = measure.output().context("cannot start picture_error")?;
-    if !output.status.success() {
-        bail!("{}", String::from_utf8_lossy(&output.stderr));
+    let errors = room.errors(rows.len())?;
+    let outcomes = costs.iter().zip(errors).map(|(costs, error)| Outcome {
+        processor: median(costs.iter().map(|c| c.processor)),
+        wall: median(costs.iter().map(|c| c.wall)),
+        error,
+    });
+    print(room.room, turns, &rows, &outcomes.collect::<Vec<_>>());
+    println!("pictures in {}\n", room.folder.display());
+    Ok(())
+}
+
+fn rows(room: &Prepared) -> Result<Vec<Row>> {
+    let mut rows = Vec::new();
+    for (name, options) in OURS {
+        let command = room.hybrid(options, &room.picture(rows.len()));
+        rows.push(Row { name: name.to_owned(), command, samples: None });
     }
+    for (name, settings) in ["POV-Ray, quick", "POV-Ray, fine"].into_iter().zip(room.room.povray) {
+        let command = room.povray(settings, &room.picture(rows.len()))?;
+        rows.push(Row { name: name.to_owned(), command, samples: None });
+    }
+    for samples in room.room.samples {
+        let command = room.paths(samples, &room.picture(rows.len()));
+        rows.push(Row { name: format!("Mitsuba, {samples}"), command, samples: Some(samples) });
+    }
+    Ok(rows)
+}
+
+fn print(room: &Room, turns: usize, rows: &[Row], outcomes: &[Outcome]) {
     println!(
-        "Cornell box 512x512, two threads, medians of {turns}: processor and wall seconds, relMSE, errors of the means of R, G, B, the worst"
+        "{} {}, two threads, medians of {turns}: processor and wall seconds, relMSE, errors of the means of R, G, B, the worst 16x16",
+        room.name, room.size
     );
-    println!("16x16 tile and the share of tiles beyond 1 %");
-    let errors = String::from_utf8(output.stdout)?;
-    for (((name, _), costs), line) in commands.iter().zip(&costs).zip(errors.lines()) {
-        let error: Value = serde_json::from_str(line)?;
-        let number = |v: &Value| v.as_f64().unwrap_or(f64::NAN);
-        let means: Vec<String> = (0..3).map(|c| format!("{:+.2}", 100.0 * number(&error["means"][c]))).collect();
+    println!("tile and the share of tiles beyond 1 %");
+    for (row, outcome) in rows.iter().zip(outcomes) {
+        let means: Vec<String> =
+            (0..3).filter_map(|c| outcome.error["means"][c].as_f64()).map(|v| format!("{:+.2}", 100.0 * v)).collect();
         println!(
-            "{name:17} {:6.2} {:6.2}   {:.1e}   {} %   {:5.1} %   {:5.1} %",
-            median(costs.iter().map(|c| c.processor)),
-            median(costs.iter().map(|c| c.wall)),
-            number(&error["relmse"]),
+            "{:17} {:7.2} {:7.2}   {:.1e}   {} %   {:5.1} %   {:5.1} %",
+            row.name,
+            outcome.processor,
+            outcome.wall,
+            outcome.number("relmse"),
             means.join(" "),
-            100.0 * number(&error["worst_tile"]),
-            100.0 * number(&error["tiles_beyond"]) / number(&error["tiles"]),
+            100.0 * outcome.number("worst_tile"),
+            100.0 * outcome.number("tiles_beyond") / outcome.number("tiles"),
         );
     }
-    println!("pictures in {}", pictures.display());
-    Ok(())
+    println!("processor seconds to a relMSE of {TARGET:e}: {}", at_target(rows, outcomes).join("; "));
+}
+
+/// What each program takes for [`TARGET`]: the cheapest row that reaches it; for paths, whose error is inverse to their number, a line through two numbers of samples.
+fn at_target(rows: &[Row], outcomes: &[Outcome]) -> Vec<String> {
+    let cheapest = |start: &str| {
+        let all =
+            rows.iter().zip(outcomes).filter(|(row, outcome)| row.name.starts_with(start) && outcome.number("relmse") <= TARGET);
+        let least = all.map(|(_, outcome)| outcome.processor).fold(f64::INFINITY, f64::min);
+        if least.is_finite() { format!("{start} at most {least:.1}") } else { format!("{start} not reached") }
+    };
+    let paths: Vec<(f64, &Outcome)> =
+        rows.iter().zip(outcomes).filter_map(|(row, outcome)| Some((f64::from(row.samples?), outcome))).collect();
+    let mut said = vec![cheapest("hybrid"), cheapest("POV-Ray")];
+    if let [(few, a), (many, b)] = paths[..] {
+        let a_sample = (b.processor - a.processor) / (many - few);
+        let wanted = many * b.number("relmse") / TARGET;
+        said.push(format!("Mitsuba {:.0} by extrapolation", a.processor + a_sample * (wanted - few)));
+    }
+    said
 }

@@ -7,6 +7,7 @@ mod bench_rooms;
 mod bench_scanline;
 mod bench_whitted;
 mod bench_ztest;
+mod race_room;
 
 use std::process::{Command, ExitCode};
 
@@ -18,7 +19,7 @@ cargo xtask bench rays       ray queries beside Embree (Debian's libembree-dev)
 cargo xtask bench factors    form factors beside pyviewfactor (from PyPI, into target/)
 cargo xtask bench scanline   scan line beside software OpenGL (Debian's libegl1, libgl1-mesa-dri)
 cargo xtask bench rooms      measured rooms beside Mitsuba 3 (from PyPI; Debian's libllvm19)
-cargo xtask bench race       the hybrid beside POV-Ray with radiosity (Debian's povray)
+cargo xtask bench race [ROOM…]   the hybrid beside POV-Ray with radiosity (Debian's povray) and Mitsuba 3 (from PyPI; Debian's libllvm19)
 cargo xtask bench race-path  path tracing beside Mitsuba 3: what the same error takes (from PyPI, with scipy; Debian's libllvm19)
 cargo xtask bench whitted    Whitted ray tracing beside POV-Ray (Debian's povray)
 cargo xtask bench ztest [SCENE…]   path tracing beside Mitsuba 3, pixel by pixel (from PyPI, with scipy; Debian's libllvm19)

@@ -162,7 +162,7 @@ pub(crate) fn to_gather_from(world: &World, settings: &Settings, work: &Work, ba
     if matches!(settings.solver, solve::Solver::Auto) && settings.refine.levels == 0 {
         elements_within_memory(world, settings, work)?;
         let division = Division::new(world, settings);
-        if division.mesh().elements().len() > FinalGather::MOST_ELEMENTS {
+        if !FinalGather::finds_light_on(division.mesh()) {
             return newly_solved(world, settings, State::Divided(Box::new(division)), work, bar);
         }
         return Ok(Found { solution: Solution::to_be_found(world, division, settings), done: 1.0, links: None });

@@ -1,13 +1,14 @@
-//! `picture_error REFERENCE MASK NOISE PICTURE…`: how far pictures are from a reference, over the white part of a mask; a line of JSON for each.
+//! `picture_error [--epsilon mean] REFERENCE MASK NOISE PICTURE…`: how far pictures are from a reference, over the white part of a mask; a line of JSON for each.
 //!
-//! `relMSE = mean (L − L_ref)²/(L_ref² + ε) − NOISE`, ε = 0.01, over pixels and channels, NOISE the reference's own; the errors of the means of each channel; the
-//! largest error of the mean of a 16×16 tile that lies wholly in the mask, and how many of them are beyond 1 %.
+//! `relMSE = mean (L − L_ref)²/(L_ref² + ε) − NOISE`, over pixels and channels, NOISE the reference's own; ε = 0.01 as usual for the Cornell box, or with
+//! `--epsilon mean` half the square of the mean luminance of the whole reference; the errors of the means of each channel; the largest error of the mean of a 16×16 tile that lies wholly in the mask, and how many of them are beyond 1 %.
 
 use std::error::Error;
 use std::path::Path;
 
 use radiosa::import::{self, Options};
 use radiosa::scene::Pixels;
+use radiosa::spectrum::luminance;
 
 const EPSILON: f64 = 0.01;
 const TILE: usize = 16;
@@ -15,6 +16,12 @@ const TILE: usize = 16;
 struct Picture {
     width: usize,
     colors: Vec<[f64; 3]>,
+}
+
+impl Picture {
+    fn mean_luminance(&self) -> f64 {
+        self.colors.iter().map(|c| luminance(*c)).sum::<f64>() / self.colors.len() as f64
+    }
 }
 
 fn read(path: &str) -> Result<Picture, Box<dyn Error>> {
@@ -29,10 +36,15 @@ fn read(path: &str) -> Result<Picture, Box<dyn Error>> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let [reference, mask, noise, pictures @ ..] = &args[..] else {
-        return Err("wanted: REFERENCE MASK NOISE PICTURE…".into());
+    let (of_mean, args) = match &args[..] {
+        [option, value, rest @ ..] if option == "--epsilon" && value == "mean" => (true, rest),
+        rest => (false, rest),
+    };
+    let [reference, mask, noise, pictures @ ..] = args else {
+        return Err("wanted: [--epsilon mean] REFERENCE MASK NOISE PICTURE…".into());
     };
     let (reference, mask, noise) = (read(reference)?, read(mask)?, noise.parse::<f64>()?);
+    let epsilon = if of_mean { 0.5 * reference.mean_luminance().powi(2) } else { EPSILON };
     let is_in = |k: usize| mask.colors[k][0] > 0.5;
     for path in pictures {
         let picture = read(path)?;
@@ -42,7 +54,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let inside: Vec<usize> = (0..mask.colors.len()).filter(|&k| is_in(k)).collect();
         let off = |k: usize, c: usize| {
             let (v, r) = (picture.colors[k][c], reference.colors[k][c]);
-            (v - r).powi(2) / (r * r + EPSILON)
+            (v - r).powi(2) / (r * r + epsilon)
         };
         let sum: f64 = inside.iter().flat_map(|&k| (0..3).map(move |c| (k, c))).map(|(k, c)| off(k, c)).sum();
         let mean = |p: &Picture, c: usize, of: &[usize]| of.iter().map(|&k| p.colors[k][c]).sum::<f64>() / of.len() as f64;

@@ -134,6 +134,52 @@ fn few_elements_gathered_again_lose_no_light_in_a_white_room() {
 }
 
 #[test]
+fn many_small_triangles_share_their_light_and_lose_none() {
+    // A white room with a wavy rug of far more triangles than elements are wanted.
+    const SIDE: usize = 64;
+    let height = |x: f32, z: f32| 0.3 + 0.25 * (5.0 * x).sin() * (4.0 * z).cos();
+    let positions: Vec<[f32; 3]> = (0..(SIDE + 1) * (SIDE + 1))
+        .map(|k| [k % (SIDE + 1), k / (SIDE + 1)].map(|i| 0.5 + 3.0 * i as f32 / SIDE as f32))
+        .map(|[x, z]| [x, height(x, z), z])
+        .collect();
+    let faces: Vec<[usize; 4]> =
+        (0..SIDE * SIDE).map(|k| k % SIDE + k / SIDE * (SIDE + 1)).map(|k| [k, k + SIDE + 1, k + SIDE + 2, k + 1]).collect();
+    let room = |reflectance: f32| {
+        world_of(scene_of(&format!(
+            "[material.white]\nlambert = 0.8\n[material.rug]\nlambert = {reflectance}\n[material.lamp]\nlambert = 0\nemission = 10\n\
+             [[shape]]\nmaterial = \"white\"\nbox = {{ min = [0, 0, 0], max = [4, 3, 4], inward = true }}\n\
+             [[shape]]\nmaterial = \"lamp\"\nquad = [[1.5, 2.99, 1.5], [2.5, 2.99, 1.5], [2.5, 2.99, 2.5], [1.5, 2.99, 2.5]]\n\
+             [[shape]]\nmaterial = \"rug\"\nmesh = {{ positions = {positions:?}, faces = {faces:?} }}\n"
+        )))
+    };
+    let places = [[0.4, 2.0], [1.0, 1.0], [2.0, 2.5], [3.1, 1.7], [3.7, 3.7]];
+    let irradiances = |world: &World, gather: &FinalGather| -> Vec<f32> {
+        let at = |(k, [x, z]): (usize, &[f32; 2])| {
+            let p = Vec3::new(*x, 1.2, *z);
+            gather.sensor(&below(world, p, Vec3::NEG_Y), Vec3::NEG_Y, [16_384, 4096], k as u64).irradiance.g
+        };
+        places.iter().enumerate().map(at).collect()
+    };
+    let mut settings = radiosity::Settings::default();
+    (settings.mesh.elements, settings.refine.levels) = (200, 0);
+    let pooled = |world: &World| {
+        let division = radiosity::Division::new(world, &settings);
+        assert!(division.mesh().elements().len() > 8000);
+        let solution = Solution::to_be_found(world, division, &settings);
+        irradiances(world, &FinalGather::new(world, &solution, &[], 0).settled(512, &|| false))
+    };
+    let (white, dark) = (room(0.8), room(0.6));
+    // Each triangle for itself.
+    let solution = solved(&white, 200);
+    let single = irradiances(&white, &FinalGather::new(&white, &solution, &[], 0).settled(512, &|| false));
+    let off = |values: &[f32]| values.iter().zip(&single).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f32::max);
+    let (pooled, twin) = (off(&pooled(&white)), off(&pooled(&dark)));
+    println!("pools are off by {pooled}, those of a darker rug by {twin}");
+    assert!(pooled < 0.01, "{pooled}");
+    assert!(twin > 0.03, "{twin}");
+}
+
+#[test]
 fn a_cache_shows_what_gathers_at_every_sample_show() {
     let world = world_of(radiosa::import::sample::load("cornell-box").expect("it is built in"));
     let solution = solved(&world, 600);

@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use radiosa::hybrid::FinalGather;
 use radiosa::radiosity::mesh::ElementMesh;
 use radiosa::scene::{Light, LightKind, Material, Model, PhotometricUnit};
 use radiosa::transport::World;
@@ -66,10 +65,10 @@ pub(crate) fn by_scene(picture: &Picture, stage: &Stage, time: Option<Duration>,
     }
     let settings = solve::settings_to_gather_from(&picture.radiosity, solve::TO_GATHER_FROM, picture.seed, &[]);
     let elements = ElementMesh::estimate(world, &settings.mesh);
-    if elements > FinalGather::MOST_ELEMENTS as u64 {
-        return choice(&[Method::Path], "it has more surfaces than the hybrid finds light on by itself");
+    if elements > MANY {
+        return choice(&[Method::Path], "it has so many surfaces that the hybrid would take long before it began");
     }
-    if time.is_some_and(|time| expected(picture, stage, elements) > time.as_secs_f64()) {
+    if time.is_some_and(|time| expected(picture, stage, (elements, settings.mesh.elements)) > time.as_secs_f64()) {
         return choice(&[Method::Path], "the hybrid would hardly be done in time");
     }
     choice(&[Method::Hybrid], "its light is physical, and goes from surface to surface")
@@ -102,17 +101,23 @@ fn reflects_or_refracts(material: &Material) -> bool {
         }
 }
 
-/// What the hybrid takes of processor time, seconds: for a ray of an element, for a camera sample, and for a ray of the gathers a pixel needs in the mean. A sample
-/// takes 3 µs in Cornell's box and 90 µs in the furnished room, whose window has bars: this is between both.
-const AN_ELEMENTS_RAY: f64 = 5e-6;
-const A_SAMPLE: f64 = 3e-5;
+/// Elements from which on the hybrid is not taken unasked.
+const MANY: u64 = 1 << 18;
+/// What the hybrid takes of processor time, seconds: for an element's place in the mesh, for a ray of one, for a camera sample, and for a ray of the gathers a pixel needs
+/// in the mean. A sample takes 3 µs in Cornell's box and 20 µs in the furnished room, whose window has bars: this is between both.
+const AN_ELEMENT: f64 = 4e-5;
+const AN_ELEMENTS_RAY: f64 = 4e-6;
+const A_SAMPLE: f64 = 1e-5;
 const A_PIXELS_RAY: f64 = 7e-8;
+/// Of more elements than so many for each that was wanted, small ones share their light.
+const POOLED: u64 = 4;
 
 /// About how long the hybrid takes on two threads, seconds: by what it took for ordinary rooms, and not by this machine's speed or threads, so that the same
 /// options choose the same method everywhere.
-fn expected(picture: &Picture, stage: &Stage, elements: u64) -> f64 {
+fn expected(picture: &Picture, stage: &Stage, (elements, wanted): (u64, u32)) -> f64 {
     let pixels = f64::from(stage.size.width) * f64::from(stage.size.height);
-    let light = elements as f64 * f64::from(picture.gather) * AN_ELEMENTS_RAY;
+    let lit = elements.min(POOLED * u64::from(wanted));
+    let light = elements as f64 * AN_ELEMENT + lit as f64 * f64::from(picture.gather) * AN_ELEMENTS_RAY;
     let samples = pixels * f64::from(picture.samples_a_pixel()) * A_SAMPLE;
     let records = pixels * f64::from(picture.gather) * A_PIXELS_RAY;
     (light + samples + records) / 2.0

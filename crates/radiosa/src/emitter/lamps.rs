@@ -15,8 +15,6 @@ use super::tree::{Node, cos_of_difference, descend};
 use super::{EVERYWHERE, Emitter, Incident};
 use crate::math::{Bounds, Vec3};
 
-/// So many and no more are all looked at: a shadow ray each costs less than the noise of drawing.
-const FEW: usize = 8;
 /// Lights a leaf holds at most.
 const LEAF: usize = 4;
 /// Cosines within rounding of a limit are inside.
@@ -52,12 +50,12 @@ struct Reach {
 }
 
 impl Lamps {
-    /// Takes the lights out of a list that are too many to be looked at one and all; `None` when none are.
-    pub(crate) fn take_from(emitters: &mut Vec<Emitter>) -> Option<Self> {
+    /// Takes the lights out of a list that are too many to be looked at one and all, more than `few` with a place or without; `None` when none are.
+    pub(crate) fn take_from(emitters: &mut Vec<Emitter>, few: usize) -> Option<Self> {
         let is_placed = |e: &Emitter| matches!(e, Emitter::Point(_) | Emitter::Spot(_));
         let is_sun = |e: &Emitter| matches!(e, Emitter::Distant(_) | Emitter::Discrete(_));
         let many =
-            |is: &dyn Fn(&Emitter) -> bool| emitters.iter().filter(|e| is(e)).map(Emitter::n_directions).sum::<usize>() > FEW;
+            |is: &dyn Fn(&Emitter) -> bool| emitters.iter().filter(|e| is(e)).map(Emitter::n_directions).sum::<usize>() > few;
         let (many_placed, many_suns) = (many(&is_placed), many(&is_sun));
         if !many_placed && !many_suns {
             return None;

@@ -18,6 +18,7 @@ pub mod distant;
 pub mod environment;
 pub mod hemispherical;
 pub(crate) mod lamps;
+mod piece;
 pub mod point;
 pub(crate) mod polygon;
 pub mod random;

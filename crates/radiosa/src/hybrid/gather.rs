@@ -15,23 +15,32 @@ use crate::math::{Frame, Ray, Vec2, Vec3, function};
 use crate::radiosity::Solution;
 use crate::radiosity::direct::DirectLight;
 use crate::radiosity::gather::Arriving;
-use crate::radiosity::mesh::{Element, ElementMesh};
+use crate::radiosity::mesh::ElementMesh;
+use crate::radiosity::solve::pools::Pools;
 use crate::sampling::{Stream, rng, sequence, warp};
 use crate::scene::{AlphaMode, Light, Material, Model};
 use crate::spectrum::Spectrum;
 use crate::transport::media::Media;
-use crate::transport::{Care, Emitters, LightSettings, Lights, Shading, Surface, World};
+use crate::transport::{Care, Emitters, FEW_LAMPS, LightSettings, Lights, Shading, Surface, World};
 
 /// A hit nearer than this many times the side of its element is looked at closely; where light varies among its neighbours, up to the second.
 const NEAR: [f32; 2] = [1.0, 4.0];
 /// Elements of which less than this is free of others are always looked at closely: the few points that stand for them say little.
 const KNOWN: f64 = 0.25;
+/// Elements for each that was wanted, from which on small ones have their light in common; and the size of the cells they lie in to the distance from which one is taken
+/// as a whole.
+const MANY: usize = 4;
+/// Cells are no larger than for so many elements.
+const POOLS: u32 = 1000;
+const NEAR_POOL: f32 = 1.0;
 /// Mirrors in a row that a ray of a gather follows, and straight passages through what is transparent.
 const MIRRORS: u32 = 4;
 const LAYERS: u32 = 16;
 /// Surfaces in a row that are looked at closely, and after how many a ray ends by chance.
 const BOUNCES: u32 = 64;
 const SURE: u32 = 2;
+/// Of many lamps so many are drawn for the direct light of elements and sensors.
+const LAMPS: u32 = 4;
 /// Rays that tell how much is near a sensor.
 const PROBES: u32 = 128;
 /// Independent estimates at a sensor.
@@ -44,18 +53,20 @@ const NEGLIGIBLE: f32 = 0.01;
 pub struct FinalGather<'a> {
     pub(super) world: &'a World,
     pub(super) mesh: &'a ElementMesh,
-    /// Mean irradiance over each element, over π. (Constant over elements, as the solver has it: the mean of all is then the solver's.)
+    /// Which elements have their light in common: each stands for itself, unless their light is to be found here and triangles are many more than elements wanted.
+    pub(super) pools: Pools,
+    /// Mean irradiance over each pool, over π. (Constant over elements, as the solver has it: the mean of all is then the solver's.)
     pub(super) irradiance: Vec<Spectrum>,
     /// The mean reflectance of each element.
     reflectance: Vec<Spectrum>,
-    /// How near each element may be taken as a whole, metres.
+    /// How near each pool may be taken as a whole, metres.
     pub(super) near: Vec<f32>,
     /// How much nearer elements have to be with every bounce, to be looked at closely: 1 is as near.
     pub(super) nearer: f32,
     sky: DirectLight<'a>,
     pub(super) lights: Lights,
-    /// By points of all emissive surfaces together, where a closed form for each would cost more than the noise it saves: for what is looked at closely.
-    near_lights: Option<Lights>,
+    /// For what is looked at closely: by a point of all emissive surfaces together and one of all lamps, where more would cost more than the noise it saves.
+    near_lights: Lights,
     /// By material: rays end there, and what they meet reflects diffusely alone.
     plain: Vec<bool>,
     pub(super) seed: u64,
@@ -132,20 +143,26 @@ impl<'a> FinalGather<'a> {
     pub fn new(world: &'a World, solution: &'a Solution, extra_lights: &[Light], seed: u64) -> Self {
         let rgb = |v: [f64; 3]| Spectrum::from(v.map(|x| x as f32));
         let over_pi = |h: &[f64; 3]| rgb(h.map(|h| h * std::f64::consts::FRAC_1_PI));
-        let lights = LightSettings { emitters: Emitters::Points { n: 1, max: 2 }, ..LightSettings::default() };
-        let irradiance: Vec<Spectrum> = solution.irradiance.iter().map(over_pi).collect();
-        let prepared = || Lights::prepare_without_skies(world, &lights, extra_lights);
-        let closed_form = prepared().in_closed_form(world, Care::OfGathers);
+        let settings = LightSettings { emitters: Emitters::Points { n: 1, max: 2 }, ..LightSettings::default() };
+        let is_to_be_found = solution.irradiance.iter().all(|h| *h == [0.0; 3]);
+        let pools = if is_to_be_found { pools(&solution.mesh) } else { Pools::with(&solution.mesh, usize::MAX, 1.0) };
+        let irradiance: Vec<Spectrum> =
+            if is_to_be_found { vec![Spectrum::BLACK; pools.n()] } else { solution.irradiance.iter().map(over_pi).collect() };
+        let prepared = || Lights::prepare_without_skies(world, &settings, extra_lights);
+        let closed_form = || prepared().in_closed_form(world, Care::OfGathers);
+        let lights = closed_form();
+        let near_lights = if lights.is_one_polygon() { closed_form() } else { prepared().with_random_points(world) };
         Self {
             world,
             mesh: &solution.mesh,
             reflectance: solution.system.reflectance.iter().map(|rho| rgb(*rho)).collect(),
-            near: near(&solution.mesh, &irradiance),
+            near: near(&solution.mesh, &pools, &irradiance),
+            pools,
             irradiance,
             nearer: 1.0,
             sky: DirectLight::new(world, extra_lights, seed),
-            near_lights: if closed_form.is_one_polygon() { None } else { Some(prepared().with_random_points(world)) },
-            lights: closed_form,
+            near_lights: near_lights.drawing(1, 2),
+            lights: lights.drawing(LAMPS, FEW_LAMPS),
             plain: world.scene().materials.iter().map(is_plain).collect(),
             seed,
         }
@@ -228,7 +245,7 @@ impl<'a> FinalGather<'a> {
             let hit = self.world.accel().closest(&ray);
             hit.is_some_and(|hit| {
                 let element = self.mesh.element_at(&hit, ray.at(hit.t), dir);
-                element.is_some_and(|element| hit.t < self.near[element as usize])
+                element.is_some_and(|element| hit.t < self.near_of(element))
             })
         };
         (0..PROBES).filter(is_near).count() as f32 / PROBES as f32
@@ -245,7 +262,7 @@ impl<'a> FinalGather<'a> {
                 && let Some(element) = self.mesh.element_at(&hit, ray.at(hit.t), ray.dir)
                 && !(reach.sees_emission && world.material(material).is_emissive())
             {
-                let is_near = hit.t < self.near[element as usize] * reach.near;
+                let is_near = hit.t < self.near_of(element) * reach.near;
                 if !(is_near && reach.looks_closely()) {
                     return (self.of_element(element, self.reflectance[element as usize], &reach), hit.t);
                 }
@@ -257,9 +274,15 @@ impl<'a> FinalGather<'a> {
 
     /// What of an element's light a surface of some reflectance sends out, by what the solution says; noted instead, where that is not known yet.
     fn of_element(&self, element: u32, reflectance: Spectrum, reach: &Reach<'_>) -> Spectrum {
-        let Some(sink) = reach.sink else { return reflectance * self.irradiance[element as usize] };
-        sink.borrow_mut().push((element, reach.through * reflectance));
+        let pool = self.pools.of_element(element as usize);
+        let Some(sink) = reach.sink else { return reflectance * self.irradiance[pool as usize] };
+        sink.borrow_mut().push((pool, reach.through * reflectance));
         Spectrum::BLACK
+    }
+
+    /// How near an element may be taken as a whole, metres.
+    fn near_of(&self, element: u32) -> f32 {
+        self.near[self.pools.of_element(element as usize) as usize]
     }
 
     /// The same with everything that can be there, from what the ray meets first, where that is known.
@@ -299,7 +322,7 @@ impl<'a> FinalGather<'a> {
         let diffuse = shading.bsdf.diffuse_reflectance();
         if !diffuse.is_black() {
             let known = self.mesh.element_at(met.hit, surface.p, met.dir);
-            let is_far = |element: &u32| met.travelled >= self.near[*element as usize] * reach.near;
+            let is_far = |element: &u32| met.travelled >= self.near_of(*element) * reach.near;
             light += match known.filter(|known| is_far(known) || !reach.looks_closely()) {
                 Some(element) => self.of_element(element, diffuse, &reach),
                 None if reach.looks_closely() => self.looked_at(surface, shading, reach, n_rays),
@@ -329,8 +352,8 @@ impl<'a> FinalGather<'a> {
     /// such a surface again.
     fn looked_at(&self, surface: &Surface, shading: &Shading, reach: Reach<'_>, n_rays: &mut u64) -> Spectrum {
         let mut stream = Stream::new(reach.key, 0, 0);
-        let lights = self.near_lights.as_ref().unwrap_or(&self.lights);
-        let direct = lights.at_random(self.world, surface, shading, Some(&Media::VACUUM), (1, &mut stream), n_rays).diffuse;
+        let direct =
+            self.near_lights.at_random(self.world, surface, shading, Some(&Media::VACUUM), (1, &mut stream), n_rays).diffuse;
         let u = if reach.bounces == 0 { reach.bounce } else { stream.next_2d() };
         let dir = Frame::from_normal(shading.n).to_world(warp::cosine_hemisphere(u));
         let side = if surface.is_front(shading.wo) { surface.ng } else { -surface.ng };
@@ -356,20 +379,33 @@ impl<'a> FinalGather<'a> {
     }
 }
 
-/// How near each element may be taken as a whole: nearer where the light of its neighbours is like its own.
-pub(super) fn near(mesh: &ElementMesh, irradiance: &[Spectrum]) -> Vec<f32> {
-    let of = |i: usize| irradiance[i].luminance();
-    let element = |(i, element): (usize, &Element)| {
+/// Pools for a solution that is to be found.
+pub(super) fn pools(mesh: &ElementMesh) -> Pools {
+    let wanted = mesh.record().settings.elements.max(POOLS);
+    Pools::with(mesh, MANY * wanted as usize, f64::from(wanted))
+}
+
+/// How near each pool may be taken as a whole: nearer where the light of its neighbours is like its own.
+pub(super) fn near(mesh: &ElementMesh, pools: &Pools, irradiance: &[Spectrum]) -> Vec<f32> {
+    let of = |i: u32| irradiance[pools.of_element(i as usize) as usize].luminance();
+    let single = |i: u32| {
+        let element = &mesh.elements()[i as usize];
         if element.exposed() < KNOWN {
             return f32::INFINITY;
         }
         let own = of(i);
-        let step =
-            mesh.neighbours(element).map(|j| (of(j) - own).abs() / of(j).max(own).max(f32::MIN_POSITIVE)).fold(0.0, f32::max);
+        let step = mesh
+            .neighbours(element)
+            .map(|j| (of(j as u32) - own).abs() / of(j as u32).max(own).max(f32::MIN_POSITIVE))
+            .fold(0.0, f32::max);
         let times = NEAR[0] + (NEAR[1] - NEAR[0]) * (2.0 * step).min(1.0);
         element.area.sqrt() as f32 * times
     };
-    mesh.elements().iter().enumerate().map(element).collect()
+    let pool = |p: usize| match pools.members(p) {
+        [only] => single(*only),
+        _ => pools.size() as f32 * NEAR_POOL,
+    };
+    (0..pools.n()).map(pool).collect()
 }
 
 /// Between the columns `k − 1` and `k`: the part of the gradient along `v_k−`, the direction across the boundary between them.

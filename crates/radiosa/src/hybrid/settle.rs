@@ -1,4 +1,4 @@
-//! The solution gathered again onto its own elements, until it no longer changes.
+//! The solution gathered again onto its own elements, or pools of small ones, until it no longer changes.
 //!
 //! ```text
 //! H_i = D_i + Σ_j T_ij ρ_j H_j      T: the rays of final gathers from points all over element i
@@ -13,14 +13,16 @@
 
 use rayon::prelude::*;
 
-use super::gather::{FinalGather, Reach, Sink, near};
+use super::gather::{FinalGather, Reach, Sink, near, pools};
 use crate::math::Frame;
-use crate::radiosity::mesh::{self, POINTS};
+use crate::radiosity::mesh::{self, ElementMesh, POINTS};
 use crate::sampling::{Stream, rng, sequence, warp};
 use crate::spectrum::Spectrum;
 use crate::transport::Shading;
 use crate::transport::media::Media;
 
+/// Pools at most.
+const MOST: usize = 1 << 18;
 /// Rays of all elements, about, and of one at least and at most.
 const BUDGET: usize = 1 << 21;
 const RAYS: [usize; 2] = [64, 1024];
@@ -32,36 +34,38 @@ const DIRECT: usize = 4;
 const SWEEPS: u32 = 200;
 const CHANGE: f32 = 2e-5;
 
-/// What an element receives.
+/// What a pool receives.
 #[derive(Clone, Debug, Default)]
 struct Row {
-    /// Whatever the light of elements is, over π.
+    /// Whatever the light of pools is, over π.
     constant: Spectrum,
-    /// By element: the part of its irradiance that arrives here, by rising element.
+    /// By pool: the part of its irradiance that arrives here, by rising pool.
     links: Vec<(u32, Spectrum)>,
 }
 
 impl FinalGather<'_> {
-    /// Elements of which light can be found without a solution of another solver.
-    pub const MOST_ELEMENTS: usize = 1 << 18;
+    /// Light can be found on a mesh without a solution of another solver: small elements are pooled, and the others are not too many.
+    pub fn finds_light_on(mesh: &ElementMesh) -> bool {
+        mesh.elements().len() <= MOST || pools(mesh).n() <= MOST
+    }
 
-    /// Gathers again onto the elements, with `rays` rays of each, about, and about two million in all, as far as 64 of each allow. Beyond [`Self::MOST_ELEMENTS`] the solution
+    /// Gathers again onto the elements, or pools of them, with `rays` rays of each, about, and about two million in all, as far as 64 of each allow. Beyond 2¹⁸ pools the solution
     /// stays as it is. Where `is_over` says so it ends at once, with light that is of no use.
     pub fn settled(mut self, rays: u32, is_over: &(dyn Fn() -> bool + Sync)) -> Self {
         let n = self.irradiance.len();
-        if n == 0 || n > Self::MOST_ELEMENTS {
+        if n == 0 || n > MOST {
             return self;
         }
         if self.irradiance.iter().all(|e| e.is_black()) {
             // Nothing is solved: a first look, to know how near elements may be taken as a whole.
             self.settle(RAYS[0], is_over);
-            self.near = near(self.mesh, &self.irradiance);
+            self.near = near(self.mesh, &self.pools, &self.irradiance);
         }
         self.settle((BUDGET / n).min(rays as usize).clamp(RAYS[0], RAYS[1]), is_over);
         self
     }
 
-    /// Finds the light of all elements by `rays` rays of each.
+    /// Finds the light of all pools by `rays` rays of each.
     fn settle(&mut self, rays: usize, is_over: &(dyn Fn() -> bool + Sync)) {
         let n = self.irradiance.len() as u32;
         let row = |i| if is_over() { Row::default() } else { self.row(i, rays) };
@@ -80,22 +84,40 @@ impl FinalGather<'_> {
         }
     }
 
-    /// What rays from all over an element bring: from each of some points two sets of rays, each weighed by how much of the other one went far.
-    fn row(&self, i: u32, rays: usize) -> Row {
-        let element = &self.mesh.elements()[i as usize];
-        let n = element.normal.as_vec3();
-        let exposed: Vec<u32> = (0..POINTS as u32).filter(|&k| element.exposes(k as usize)).take(PLACES).collect();
-        if exposed.is_empty() || !n.is_finite() || element.area <= 0.0 {
-            return Row::default();
+    /// Places on a pool from which rays go out: an element, and which of its points.
+    fn places(&self, p: usize, key: u64) -> Vec<(u32, u32)> {
+        let elements = self.mesh.elements();
+        let is_exposed = |i: u32, k: u32| elements[i as usize].exposes(k as usize);
+        let is_sound = |i: u32| elements[i as usize].normal.is_finite() && elements[i as usize].area > 0.0;
+        if let [only] = self.pools.members(p) {
+            let exposed = (0..POINTS as u32).filter(|&k| is_sound(*only) && is_exposed(*only, k));
+            return exposed.take(PLACES).map(|k| (*only, k)).collect();
         }
-        let key = rng::key(&[self.seed, u64::from(i), 0x7365_7474_6C65]);
-        let (frame, white, near) = (Frame::from_normal(n), Shading::white(n), self.near[i as usize]);
+        // One in each of equal parts of its area.
+        let place = |place: u32| {
+            let fraction =
+                (f64::from(place) + f64::from(rng::unit_f32((rng::nth(key, u64::from(place)) >> 32) as u32))) / PLACES as f64;
+            let (i, _) = self.pools.at(p, fraction);
+            let k = (0..POINTS as u32).map(|k| (k + place) % POINTS as u32).find(|&k| is_sound(i) && is_exposed(i, k))?;
+            Some((i, k))
+        };
+        (0..PLACES as u32).filter_map(place).collect()
+    }
+
+    /// What rays from all over a pool bring: from each of some points two sets of rays, each weighed by how much of the other one went far.
+    fn row(&self, p: u32, rays: usize) -> Row {
+        let key = rng::key(&[self.seed, u64::from(p), 0x7365_7474_6C65]);
+        let near = self.near[p as usize];
         let of_set = (rays / (2 * PLACES)).max(2) as u32;
         let n_points = (rays / (DIRECT * PLACES)).max(1) as u32;
-        let (mut sets, mut n_rays) = (Vec::with_capacity(2 * exposed.len()), 0);
-        for (place, &k) in (0..).zip(&exposed) {
+        let places = self.places(p as usize, key);
+        let (mut sets, mut n_rays) = (Vec::with_capacity(2 * places.len()), 0);
+        for (place, (i, k)) in (0..).zip(places) {
+            let element = &self.mesh.elements()[i as usize];
+            let n = element.normal.as_vec3();
+            let (frame, white) = (Frame::from_normal(n), Shading::white(n));
             let surface = self.mesh.surface(self.world, element, mesh::point(i, k));
-            // (One low-discrepancy set of points on emissive surfaces for the whole element.)
+            // (One low-discrepancy set of points on emissive surfaces for the whole pool.)
             let mut stream = Stream::new(key, 0, place);
             let lit = (n_points, &mut stream);
             let direct = self.lights.at_random(self.world, &surface, &white, Some(&Media::VACUUM), lit, &mut n_rays).diffuse;
@@ -139,7 +161,7 @@ impl FinalGather<'_> {
 
 /// What a set of rays from one place brings.
 struct Set {
-    /// Whatever the light of elements is, over π, direct light with it.
+    /// Whatever the light of pools is, over π, direct light with it.
     light: Spectrum,
     /// Where rays ended, with what is left of the light there.
     noted: Vec<(u32, Spectrum)>,

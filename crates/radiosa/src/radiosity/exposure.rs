@@ -8,10 +8,12 @@
 //! sees out of the scene: what is covered is shut in. The points are those visibility is decided by ([`mesh::Element::exposes`]), so that exchange areas and
 //! exposed areas err together.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::direct::DirectLight;
-use super::groups;
+use super::groups::Groups;
 use super::mesh::{self, ElementMesh};
 use crate::accel::Hit;
 use crate::math::{Frame, Ray, Vec3};
@@ -24,8 +26,12 @@ const SIDE: usize = 4;
 const POINTS: usize = SIDE * SIDE;
 /// Larger meshes have small elements, and this would take long: everything counts as exposed there.
 const MOST: usize = 1 << 18;
-/// Rays from each point that look for others.
-const RAYS: u32 = 6;
+/// Rays from each point that look for others: of all, and of those that light is not known to reach after these.
+const RAYS: [Range<u32>; 2] = [0..2, 2..6];
+/// In meshes of more elements those that are no more than this part of the mean count as exposed: it would take long, and what is hidden of one triangle of a hundred
+/// thousand matters little.
+const MANY: usize = 1 << 15;
+const SMALL: f64 = 0.1;
 
 /// The points of every element that light may reach, as bits.
 pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight) -> Vec<u64> {
@@ -34,21 +40,32 @@ pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight) -
     if elements.len() > MOST {
         return vec![!0; elements.len()];
     }
-    let starts: Vec<Vec3> = (0..n).into_par_iter().map(|node| point_of(world, mesh, node / POINTS, node % POINTS).1).collect();
-    let found: Vec<(Vec<u32>, bool)> = (0..n)
-        .into_par_iter()
-        .map(|node| {
+    let points = Points::new(world, mesh);
+    let mut groups = Groups::new(n);
+    let large = SMALL * elements.iter().map(|e| e.whole_area).sum::<f64>() / elements.len() as f64;
+    for (e, element) in elements.iter().enumerate() {
+        let is_small = elements.len() > MANY && element.whole_area <= large;
+        if is_small || mesh.patches()[element.patch as usize].emits(world, element.side) {
+            (e * POINTS..(e + 1) * POINTS).for_each(|node| groups.light(node));
+        }
+    }
+    for (hit, surface, dir) in direct.landings() {
+        if let Some(node) = points.node_at(mesh, &hit, surface.p, dir) {
+            groups.light(node);
+        }
+    }
+    for rays in RAYS {
+        groups.look(|node| {
             let (e, k) = (node / POINTS, node % POINTS);
-            let (element, from) = (&elements[e], starts[node]);
+            let (element, from) = (&elements[e], points.starts[node]);
             if mesh.is_replaced(element, element.at(mesh::point(e as u32, k as u32))) {
                 return (Vec::new(), false);
             }
             let normal = element.normal.as_vec3();
-            let mut met = Vec::with_capacity(RAYS as usize);
-            let mut is_lit = mesh.patches()[element.patch as usize].emits(world, element.side);
-            for dir in directions(normal, RAYS, rng::key(&[node as u64, 0x6578_706F])) {
-                is_lit |= seen(world, mesh, from, dir, |other| {
-                    let to = starts[other];
+            let (mut met, mut is_lit) = (Vec::with_capacity(rays.len()), false);
+            for dir in directions(normal, rays.clone(), rng::key(&[node as u64, 0x6578_706F])) {
+                is_lit |= points.seen(world, mesh, from, dir, |other| {
+                    let to = points.starts[other];
                     let faces = elements[other / POINTS].normal.as_vec3().dot(from - to) > 0.0 && normal.dot(to - from) > 0.0;
                     if faces && is_free(world, from, to) {
                         met.push(other as u32);
@@ -56,15 +73,9 @@ pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight) -
                 });
             }
             (met, is_lit || direct.reaches(&point_of(world, mesh, e, k).0, normal))
-        })
-        .collect();
-    let mut found = found;
-    for (hit, surface, dir) in direct.landings() {
-        if let Some(node) = node_at(mesh, &hit, surface.p, dir) {
-            found[node].1 = true;
-        }
+        });
     }
-    let is_exposed = groups::lit(&found);
+    let is_exposed: Vec<bool> = (0..n).map(|node| groups.is_lit(node)).collect();
     let of_element = |e: usize| {
         let first: u64 = (0..POINTS).filter(|k| is_exposed[e * POINTS + k]).map(|k| 1 << k).sum();
         if first == 0 {
@@ -74,7 +85,7 @@ pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight) -
             return !0;
         }
         // A contact line crosses it: the other points, exposed when they see one that is.
-        let sees = |k: &usize| sees_exposed(world, mesh, (e, *k), (&starts, &is_exposed), direct);
+        let sees = |k: &usize| sees_exposed(world, mesh, (e, *k), (&points, &is_exposed), direct);
         (POINTS..mesh::POINTS).filter(sees).map(|k| 1u64 << k).fold(first, |bits, bit| bits | bit)
     };
     (0..elements.len()).into_par_iter().map(of_element).collect()
@@ -85,7 +96,7 @@ fn sees_exposed(
     world: &World,
     mesh: &ElementMesh,
     (e, k): (usize, usize),
-    (starts, is_exposed): (&[Vec3], &[bool]),
+    (points, is_exposed): (&Points, &[bool]),
     direct: &DirectLight,
 ) -> bool {
     let normal = mesh.elements()[e].normal.as_vec3();
@@ -93,10 +104,11 @@ fn sees_exposed(
         return false;
     }
     let (surface, from) = point_of(world, mesh, e, k);
-    let mut directions = directions(normal, 2 * RAYS, rng::key(&[e as u64, k as u64, 0x6D6F_7265]));
+    let mut directions = directions(normal, 0..2 * RAYS[1].end, rng::key(&[e as u64, k as u64, 0x6D6F_7265]));
     let sees = directions.any(|dir| {
         let mut sees = false;
-        sees |= seen(world, mesh, from, dir, |other| sees |= is_exposed[other] && is_free(world, from, starts[other]));
+        sees |=
+            points.seen(world, mesh, from, dir, |other| sees |= is_exposed[other] && is_free(world, from, points.starts[other]));
         sees
     });
     sees || direct.reaches(&surface, normal)
@@ -111,27 +123,55 @@ fn point_of(world: &World, mesh: &ElementMesh, e: usize, k: usize) -> (Surface, 
 }
 
 /// Some directions by the cosine.
-fn directions(normal: Vec3, n: u32, key: u64) -> impl Iterator<Item = Vec3> {
+fn directions(normal: Vec3, rays: Range<u32>, key: u64) -> impl Iterator<Item = Vec3> {
     let frame = Frame::from_normal(normal);
-    (0..n).map(move |i| frame.to_world(warp::cosine_hemisphere(sequence::point_2d(i, key))))
+    rays.map(move |i| frame.to_world(warp::cosine_hemisphere(sequence::point_2d(i, key))))
 }
 
-/// What a ray meets, also behind what is transparent: the nearest points of elements; and whether it leaves the scene.
-fn seen(world: &World, mesh: &ElementMesh, from: Vec3, dir: Vec3, mut point: impl FnMut(usize)) -> bool {
-    world.each_met(&Ray::new(from, dir), |hit, surface| {
-        if let Some(node) = node_at(mesh, hit, surface.p, dir) {
-            point(node);
+/// The points of all elements.
+struct Points {
+    /// Where rays leave them.
+    starts: Vec<Vec3>,
+    /// By element and stratum: its point there.
+    of_strata: Vec<[u8; POINTS]>,
+}
+
+impl Points {
+    fn new(world: &World, mesh: &ElementMesh) -> Self {
+        let n = mesh.elements().len();
+        let start = |node: usize| point_of(world, mesh, node / POINTS, node % POINTS).1;
+        let of_strata = |e: usize| {
+            let mut points = [0; POINTS];
+            (0..POINTS).for_each(|k| points[stratum(mesh::point(e as u32, k as u32))] = k as u8);
+            points
+        };
+        Self {
+            starts: (0..n * POINTS).into_par_iter().map(start).collect(),
+            of_strata: (0..n).into_par_iter().map(of_strata).collect(),
         }
-    })
+    }
+
+    /// What a ray meets, also behind what is transparent: the nearest points of elements; and whether it leaves the scene.
+    fn seen(&self, world: &World, mesh: &ElementMesh, from: Vec3, dir: Vec3, mut point: impl FnMut(usize)) -> bool {
+        world.each_met(&Ray::new(from, dir), |hit, surface| {
+            if let Some(node) = self.node_at(mesh, hit, surface.p, dir) {
+                point(node);
+            }
+        })
+    }
+
+    /// The point whose stratum a hit falls into.
+    fn node_at(&self, mesh: &ElementMesh, hit: &Hit, p: Vec3, dir: Vec3) -> Option<usize> {
+        let (element, w) = mesh.weights_at(hit, p, dir)?;
+        let here = stratum(mesh.elements()[element as usize].square_of(w).map(f64::from));
+        Some(element as usize * POINTS + usize::from(self.of_strata[element as usize][here]))
+    }
 }
 
-/// The point whose stratum a hit falls into.
-fn node_at(mesh: &ElementMesh, hit: &Hit, p: Vec3, dir: Vec3) -> Option<usize> {
-    let (element, w) = mesh.weights_at(hit, p, dir)?;
-    let stratum = |at: [f64; 2]| at.map(|x| ((x * SIDE as f64) as usize).min(SIDE - 1));
-    let here = stratum(mesh.elements()[element as usize].square_of(w).map(f64::from));
-    let k = (0..POINTS).find(|&k| stratum(mesh::point(element, k as u32)) == here)?;
-    Some(element as usize * POINTS + k)
+/// Which of the strata of the unit square a point lies in.
+fn stratum(at: [f64; 2]) -> usize {
+    let [i, j] = at.map(|x| ((x * SIDE as f64) as usize).min(SIDE - 1));
+    j * SIDE + i
 }
 
 /// Nothing opaque lies between.

@@ -27,6 +27,10 @@ pub struct Patch {
     /// Counter-clockwise seen from the front, world coordinates; the last repeats the third in a triangle.
     corners: [DVec3; 4],
     is_quad: bool,
+    /// Twice the area vector.
+    front: DVec3,
+    /// The gradients of the parameters; none where they do not grow linearly over the patch.
+    gradients: Option<[DVec3; 2]>,
 }
 
 /// The patches of a world, and which of them each triangle belongs to.
@@ -44,6 +48,18 @@ pub struct Patches {
 const NONE: u32 = u32::MAX;
 
 impl Patch {
+    /// Of three or four corners, the last of four the third of three.
+    fn new(instance: InstanceId, triangles: [u32; 2], material: Option<MaterialId>, corners: [DVec3; 4], is_quad: bool) -> Self {
+        let [a, b, c, d] = corners;
+        let [e, f] = [b - a, if is_quad { d - a } else { c - a }];
+        let n = e.cross(f);
+        let is_linear = !is_quad || (a - b + c - d).length() <= LINEAR * e.length().min(f.length());
+        let gradients = [f.cross(n), n.cross(e)].map(|g| g / n.length_squared());
+        let is_known = is_linear && gradients.iter().all(|g| g.is_finite());
+        let gradients = is_known.then_some(gradients);
+        Self { instance, triangles, material, corners, is_quad, front: front(corners, is_quad), gradients }
+    }
+
     /// Three or four, counter-clockwise seen from the front, world coordinates.
     pub fn corners(&self) -> &[DVec3] {
         &self.corners[..if self.is_quad { 4 } else { 3 }]
@@ -76,9 +92,15 @@ impl Patch {
 
     /// The parameters of a point of the patch, up to rounding; within their range wherever the point is.
     pub fn parameters(&self, p: DVec3) -> [f64; 2] {
-        parameters(self.corners, self.is_quad, p)
+        let Some(gradients) = self.gradients else { return parameters(self.corners, self.is_quad, p) };
+        let [s, t] = gradients.map(|g| g.dot(p - self.corners[0]).clamp(0.0, 1.0));
+        let over = if self.is_quad { 1.0 } else { (s + t).max(1.0) };
+        [s / over, t / over]
     }
 }
+
+/// A quadrilateral is a parallelogram when it closes to this part of its shorter edge.
+const LINEAR: f64 = 1e-9;
 
 /// Twice the area vector.
 fn front([a, b, c, d]: [DVec3; 4], is_quad: bool) -> DVec3 {
@@ -141,13 +163,7 @@ impl Patches {
                     c[..corners.len()].reverse();
                     c[3] = c[corners.len() - 1];
                 }
-                let patch = Patch {
-                    instance: id,
-                    triangles,
-                    material: materials[triangles[0] as usize],
-                    corners: c,
-                    is_quad: corners.len() == 4,
-                };
+                let patch = Patch::new(id, triangles, materials[triangles[0] as usize], c, corners.len() == 4);
                 for t in triangles {
                     all.of_triangle[first + t as usize] = all.patches.len() as u32;
                 }
@@ -179,8 +195,7 @@ impl Patches {
     /// The patch a ray of direction `dir` met, and from which side; `None` for what has no patches.
     pub(super) fn side_at(&self, hit: &Hit, dir: Vec3) -> Option<(u32, Side)> {
         let index = self.of_triangle(InstanceId(hit.instance), hit.primitive)?;
-        let front = front(self.patches[index as usize].corners, self.patches[index as usize].is_quad);
-        Some((index, if front.dot(dir.as_dvec3()) <= 0.0 { Side::Front } else { Side::Back }))
+        Some((index, if self.patches[index as usize].front.dot(dir.as_dvec3()) <= 0.0 { Side::Front } else { Side::Back }))
     }
 }
 
@@ -270,18 +285,14 @@ mod tests {
 
     #[test]
     fn parameters_are_the_inverse_of_points() {
-        let quad = |corners: [[f64; 3]; 4]| Patch {
-            instance: InstanceId(0),
-            triangles: [0, 1],
-            material: None,
-            corners: corners.map(DVec3::from_array),
-            is_quad: true,
-        };
+        let patch =
+            |corners: [[f64; 3]; 4], is_quad| Patch::new(InstanceId(0), [0, 1], None, corners.map(DVec3::from_array), is_quad);
+        let quad = |corners| patch(corners, true);
         let shapes = [
             quad([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]),
             quad([[0.0, 0.0, 2.0], [2.0, 0.0, 2.0], [1.5, 1.0, 2.0], [0.25, 0.5, 2.0]]),
             quad([[1.0, 0.0, 0.0], [1.0, 2.0, 0.0], [1.0, 2.0, 1.0], [1.0, 0.0, 3.0]]),
-            Patch { is_quad: false, ..quad([[0.0, 0.0, 0.0], [1.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]]) },
+            patch([[0.0, 0.0, 0.0], [1.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]], false),
         ];
         for patch in shapes {
             for i in 0..=8 {

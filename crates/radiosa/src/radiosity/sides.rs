@@ -5,10 +5,8 @@
 //! kept whole, so a gap that few rays find still joins what lies on both sides of it when one ray does. Rays from lamps tell what they light, however little
 //! that is; for skies that are seen through little, large dark sides look again.
 
-use rayon::prelude::*;
-
 use super::direct::DirectLight;
-use super::groups;
+use super::groups::Groups;
 use super::mesh::surface_of;
 use super::patch::{Patch, Patches};
 use crate::accel::Hit;
@@ -21,6 +19,8 @@ use crate::transport::{Surface, World};
 /// Rays of one side, at least and at most.
 const RAYS: [u32; 2] = [8, 256];
 
+/// Rays by which most sides are joined to what is lit.
+const FIRST: u32 = 2;
 /// Rays of all sides, about.
 const BUDGET: u32 = 1 << 21;
 
@@ -63,65 +63,65 @@ pub(super) fn is_constant(world: &World, patch: &Patch) -> bool {
 pub(super) fn lit(world: &World, patches: &Patches, direct: &DirectLight) -> Vec<[bool; 2]> {
     let n = patches.patches.len();
     let rays = (BUDGET / (2 * n as u32).max(1)).clamp(RAYS[0], RAYS[1]);
-    let mut seen: Vec<(Vec<u32>, bool)> = (0..2 * n)
-        .into_par_iter()
-        .map(|node| {
+    let mut groups = Groups::new(2 * n);
+    for (hit, _, dir) in direct.landings() {
+        if let Some((patch, side)) = patches.side_at(&hit, dir) {
+            groups.light(2 * patch as usize + side as usize);
+        }
+    }
+    for rays in [0..FIRST, FIRST..RAYS[0], RAYS[0]..rays] {
+        groups.look(|node| {
             let patch = &patches.patches[node / 2];
-            let (side, sign) = if node % 2 == 0 { (Side::Front, 1.0) } else { (Side::Back, -1.0) };
-            let normal = area_vector(patch.corners()).normalize_or_zero() * sign;
+            let side = if node.is_multiple_of(2) { Side::Front } else { Side::Back };
+            let normal = normal_of(patches, node).normalize_or_zero();
             if normal == DVec3::ZERO {
                 return (Vec::new(), false);
             }
             let mut is_lit = patch.emits(world, side);
             let frame = Frame::from_normal(normal.as_vec3());
             let (mut met, key) = (Vec::new(), rng::key(&[node as u64, 0x7369_6465]));
-            for i in 0..rays {
+            for i in rays.clone() {
                 let surface = surface_of(world, patch, inside(patch, sequence::point_2d(i, key)), normal);
                 let dir = frame.to_world(warp::cosine_hemisphere(sequence::point_2d(i, key ^ 1)));
                 let meets =
                     |hit: &Hit, _: &Surface| met.extend(patches.side_at(hit, dir).map(|(other, side)| 2 * other + side as u32));
                 is_lit |= world.each_met(&surface.ray(dir), meets) && direct.has_sky();
-                if !is_lit && i < 32 {
+                if !is_lit && (FIRST..32).contains(&i) {
                     is_lit = direct.reaches(&surface, normal.as_vec3());
                 }
             }
             met.sort_unstable();
             met.dedup();
             (met, is_lit)
-        })
-        .collect();
-    for (hit, _, dir) in direct.landings() {
-        if let Some((patch, side)) = patches.side_at(&hit, dir) {
-            seen[2 * patch as usize + side as usize].1 = true;
-        }
+        });
     }
-    let is_lit = groups::lit(&seen);
-    let is_lit = if direct.has_sky() { looked_again(world, patches, seen, is_lit) } else { is_lit };
-    is_lit.chunks_exact(2).map(|sides| [sides[0], sides[1]]).collect()
+    if direct.has_sky() {
+        look_for_sky(world, patches, &mut groups);
+    }
+    (0..n).map(|patch| [groups.is_lit(2 * patch), groups.is_lit(2 * patch + 1)]).collect()
 }
 
-/// Groups again, after sides that are dark so far have sent out more rays for a sky, the larger the more.
-fn looked_again(world: &World, patches: &Patches, mut seen: Vec<(Vec<u32>, bool)>, is_lit: Vec<bool>) -> Vec<bool> {
-    let normal = |node: usize| area_vector(patches.patches[node / 2].corners()) * if node.is_multiple_of(2) { 1.0 } else { -1.0 };
-    let dark: Vec<usize> = (0..seen.len()).filter(|&node| !is_lit[node] && normal(node) != DVec3::ZERO).collect();
-    let area: f64 = dark.iter().map(|&node| normal(node).length()).sum();
-    let sees_out = |&node: &usize| {
-        let (patch, normal) = (&patches.patches[node / 2], normal(node));
+/// Twice the area vector of a side.
+fn normal_of(patches: &Patches, node: usize) -> DVec3 {
+    area_vector(patches.patches[node / 2].corners()) * if node.is_multiple_of(2) { 1.0 } else { -1.0 }
+}
+
+/// Sides that are dark so far send out more rays for a sky, the larger the more.
+fn look_for_sky(world: &World, patches: &Patches, groups: &mut Groups) {
+    let is_dark = |node: &usize| !groups.is_lit(*node) && normal_of(patches, *node) != DVec3::ZERO;
+    let area: f64 = (0..2 * patches.patches.len()).filter(is_dark).map(|node| normal_of(patches, node).length()).sum();
+    groups.look(|node| {
+        let (patch, normal) = (&patches.patches[node / 2], normal_of(patches, node));
         let rays = (f64::from(BUDGET / 4) * normal.length() / area) as u32;
         let (unit, key) = (normal.normalize_or_zero(), rng::key(&[node as u64, 0x736B_7961]));
         let frame = Frame::from_normal(unit.as_vec3());
-        (0..rays).any(|i| {
+        let sees_out = (0..rays).any(|i| {
             let [at, u] = sequence::point_4d(i, key);
             let surface = surface_of(world, patch, inside(patch, at), unit);
             world.each_met(&surface.ray(frame.to_world(warp::cosine_hemisphere(u))), |_, _| {})
-        })
-    };
-    let found: Vec<bool> = dark.par_iter().map(sees_out).collect();
-    if !found.contains(&true) {
-        return is_lit;
-    }
-    dark.iter().zip(found).for_each(|(&node, sees_out)| seen[node].1 |= sees_out);
-    groups::lit(&seen)
+        });
+        (Vec::new(), sees_out)
+    });
 }
 
 /// A point of a patch, uniform for triangles and parallelograms.

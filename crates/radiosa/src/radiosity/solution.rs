@@ -97,7 +97,8 @@ impl Solution {
 
     /// The elements of a divided world without any light, for who finds it otherwise.
     pub fn to_be_found(world: &World, division: Division, settings: &Settings) -> Self {
-        let system = system(world, &division.mesh, &settings.direct(world));
+        let dark = || vec![[0.0; 3]; division.mesh.elements().len()];
+        let system = with_direct(world, &division.mesh, &settings.direct(world), [dark(), dark()]);
         Self::unsolved(division.mesh, system)
     }
 
@@ -111,9 +112,13 @@ impl Solution {
 
 /// What the surfaces of a world are, over a mesh.
 pub fn system(world: &World, mesh: &ElementMesh, direct: &DirectLight) -> System {
+    with_direct(world, mesh, direct, direct.irradiance(mesh))
+}
+
+/// The same with this direct light, of all and of lamps.
+fn with_direct(world: &World, mesh: &ElementMesh, direct: &DirectLight, [all, lamps]: [Vec<[f64; 3]>; 2]) -> System {
     let rgb = |s: Spectrum| [s.r, s.g, s.b].map(f64::from);
     let matter: Vec<_> = mesh.elements().par_iter().map(|e| mesh.matter(world, e)).collect();
-    let [all, lamps] = direct.irradiance(mesh);
     let mut system = System {
         area: mesh.elements().iter().map(|e| e.area).collect(),
         // Beyond one nothing would converge.

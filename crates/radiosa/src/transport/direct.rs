@@ -25,6 +25,9 @@ const DARK: f32 = 1e-9;
 /// Lamps drawn at a place, of either kind, at most.
 pub(crate) const DRAWN_MAX: usize = 8;
 
+/// So many lamps and no more are all looked at, where each place counts: a shadow ray each costs less than the noise of drawing.
+pub(crate) const FEW_LAMPS: usize = 8;
+
 /// Highlights less rough than this are drawn by their own value,
 const BLUNT: f32 = 0.3;
 /// of so many lights at most: each of them is asked.
@@ -188,11 +191,11 @@ impl Lights {
         self
     }
 
-    /// Of many lamps only `n` of those with a place and `n` of those infinitely far light a place at a time, drawn by what they give ([`Self::at_some`]); not more than
-    /// [`DRAWN_MAX`].
-    pub(crate) fn drawing(mut self, n: u32) -> Self {
+    /// Of lamps that are more than `few` only `n` of those with a place and `n` of those infinitely far light a place at a time, drawn by what they give ([`Self::at_some`],
+    /// [`Self::at_random`]); not more than [`DRAWN_MAX`].
+    pub(crate) fn drawing(mut self, n: u32, few: usize) -> Self {
         let n = n.clamp(1, DRAWN_MAX as u32);
-        self.many = Lamps::take_from(&mut self.emitters).map(|lamps| (lamps, n));
+        self.many = Lamps::take_from(&mut self.emitters, few).map(|lamps| (lamps, n));
         let n_drawn = self.many.as_ref().map_or(0, |_| 2 * n as usize);
         self.few = self.emitters.iter().map(Emitter::n_directions).sum::<usize>() + n_drawn <= World::FEW_SEGMENTS;
         self
@@ -419,7 +422,7 @@ impl Lights {
     }
 
     /// As [`Self::at`] within some bodies (`None` without shadows), with `n` points drawn on the emissive surfaces, when
-    /// [`Self::with_random_points`] asks for that.
+    /// [`Self::with_random_points`] asks for that, and of many lamps those that are drawn.
     pub(crate) fn at_random(
         &self,
         world: &World,
@@ -430,6 +433,26 @@ impl Lights {
         n_rays: &mut u64,
     ) -> LocalLight {
         let passage = shadows_in.map(|media| self.passage(media));
+        let mut light = self.at_points(world, (surface, shading), passage, (n, stream), n_rays);
+        if let Some((lamps, k)) = &self.many {
+            let points = Self::drawn(lamps, *k, surface.p, shading.n, stream.next_2d());
+            let sources = Sources { emitters: &[], points: &points, side: Side::Front };
+            let part = self.gather(world, surface, shading, passage, sources, n_rays);
+            light.diffuse += part.diffuse;
+            light.specular += part.specular;
+        }
+        light
+    }
+
+    /// The same without lamps that are drawn.
+    fn at_points(
+        &self,
+        world: &World,
+        (surface, shading): (&Surface, &Shading),
+        passage: Option<Passage<'_>>,
+        (n, stream): (u32, &mut Stream),
+        n_rays: &mut u64,
+    ) -> LocalLight {
         let Some(sampler) = &self.random_points else {
             return self.gather(world, surface, shading, passage, Sources::in_front(&self.emitters), n_rays);
         };
@@ -457,11 +480,11 @@ impl Lights {
         let side = if surface.ng.dot(shading.n) >= 0.0 { surface.ng } else { -surface.ng };
         let p = rounding::offset_origin(world.shadow_origin(surface, shading.n), surface.p_error, surface.ng, side);
         let receiver = Receiver { p, n: shading.n, side };
-        for polygon in polygons.all() {
-            light.diffuse += match polygon.bring(world, &receiver, (polygons.care(), n), n_rays) {
+        polygons.each(world, &receiver, n, n_rays, |polygon, brought, n_rays| {
+            light.diffuse += match brought {
                 Brought::Exactly(e) => lambertian_radiance(diffuse, e),
-                Brought::Partly(free) => {
-                    let points = (&polygon.sampler, n, set);
+                Brought::Partly { free, points } => {
+                    let points = (&polygon.sampler, points, set);
                     let mut reach = |passage| self.gather_points(world, (surface, shading), passage, &[], points, n_rays).diffuse;
                     let some = reach(Some(passage));
                     match free.filter(|_| !some.is_black()) {
@@ -470,7 +493,7 @@ impl Lights {
                     }
                 }
             };
-        }
+        });
         light
     }
 

@@ -17,6 +17,7 @@ mod unshadowed;
 mod view;
 mod world;
 
+pub(crate) use direct::FEW_LAMPS;
 pub use direct::{Emitters, LightSettings, Lights, LocalLight, Viewer};
 pub use footprint::Footprint;
 pub use integrator::Integrator;

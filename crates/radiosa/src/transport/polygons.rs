@@ -3,13 +3,17 @@
 use super::World;
 use crate::accel::Triangle;
 use crate::emitter::area::EmissiveSurface;
-use crate::emitter::polygon::{self, BLOCKERS, Polygon, Receiver, Seen};
+use crate::emitter::polygon::{self, BLOCKERS, Polygon, Receiver, Seen, Unclear};
 use crate::emitter::random::PointSampler;
 use crate::scene::InstanceId;
 use crate::spectrum::Spectrum;
 
 /// Polygons that are asked at every place, at most.
-const MOST: usize = 8;
+const MOST: usize = 32;
+/// Where there would be more, those with less than this part of all power are not asked.
+const LARGE: f32 = 0.05;
+/// Of those that would give less than this part of the light of all at a place, a point tells what part arrives.
+const MINOR: f32 = 0.02;
 
 /// How much work light in closed form is worth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,15 +28,15 @@ impl Care {
     /// The part of all power below which a polygon is not asked.
     fn least(self) -> f32 {
         match self {
-            Self::OfPictures => 0.01,
+            Self::OfPictures => 0.002,
             Self::OfGathers => 0.03,
         }
     }
 
-    /// Triangles that are sooner cut out than `n` points are drawn.
-    fn blockers(self, n: u32) -> usize {
+    /// Triangles that are sooner cut out than `n` points are drawn, where a polygon would give `share` of its `L_e`: of small ones points are noisy in narrow penumbras only.
+    fn blockers(self, n: u32, share: f32) -> usize {
         match self {
-            Self::OfPictures => BLOCKERS,
+            Self::OfPictures => 8 + (600.0 * share) as usize,
             Self::OfGathers => 8 * (n as usize + 1),
         }
     }
@@ -55,12 +59,21 @@ pub(super) struct PolygonLight {
     pub(super) sampler: PointSampler,
 }
 
+/// What one of them would give a receiver.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Given {
+    /// This irradiance if nothing were between, over `L_e`; `is_cut` by the horizon.
+    Free { share: f32, is_cut: bool },
+    /// Nobody knows.
+    Unclear,
+}
+
 /// What one polygon brings.
 pub(super) enum Brought {
     /// This irradiance.
     Exactly(Spectrum),
-    /// Nobody knows what part of this irradiance, where that is known; points will tell.
-    Partly(Option<Spectrum>),
+    /// Nobody knows what part of `free`, where that is known; so many points will tell.
+    Partly { free: Option<Spectrum>, points: u32 },
 }
 
 impl PolygonLights {
@@ -71,7 +84,11 @@ impl PolygonLights {
         polygons.retain(|polygon| polygon.power() > care.least() * total);
         // (Stable: the order of the scene among equals.)
         polygons.sort_by(|a, b| b.power().total_cmp(&a.power()));
-        polygons.truncate(MOST);
+        if polygons.len() > MOST {
+            // A finely divided lamp: points are as good.
+            polygons.retain(|polygon| polygon.power() > LARGE * total);
+            polygons.truncate(MOST);
+        }
         if polygons.is_empty() {
             return None;
         }
@@ -86,37 +103,72 @@ impl PolygonLights {
         &self.all
     }
 
-    pub(super) fn care(&self) -> Care {
-        self.care
-    }
-
     pub(super) fn rest(&self) -> Option<&PointSampler> {
         self.rest.as_ref()
+    }
+
+    /// Those that a receiver sees, with what they bring, where `n` points could be taken instead.
+    pub(super) fn each(
+        &self,
+        world: &World,
+        receiver: &Receiver,
+        n: u32,
+        n_rays: &mut u64,
+        mut take: impl FnMut(&PolygonLight, Brought, &mut u64),
+    ) {
+        let mut given = [None; MOST];
+        let mut all = 0.0;
+        for (given, light) in given.iter_mut().zip(&self.all) {
+            *given = light.given(receiver);
+            if let Some(Given::Free { share, .. }) = given {
+                all += *share * light.polygon.radiance.luminance();
+            }
+        }
+        for (light, given) in self.all.iter().zip(given) {
+            let Some(given) = given else { continue };
+            let brought = light.bring(world, receiver, given, (MINOR * all, self.care, n), n_rays);
+            take(light, brought, n_rays);
+        }
     }
 }
 
 impl PolygonLight {
-    /// What it brings to a receiver, who could take `n` points instead.
-    pub(super) fn bring(&self, world: &World, receiver: &Receiver, (care, n): (Care, u32), n_rays: &mut u64) -> Brought {
-        match self.polygon.seen_from(receiver) {
-            Ok(None) => Brought::Exactly(Spectrum::BLACK),
-            Err(_) => Brought::Partly(None),
-            Ok(Some(seen)) => {
-                *n_rays += 1;
-                match share(world, receiver, &seen, care.blockers(n)) {
-                    Some(share) => Brought::Exactly(self.polygon.radiance * share),
-                    // Of one that the horizon cuts some points bring nothing anyway: shares of a few would be wrong.
-                    None => Brought::Partly((!seen.is_cut()).then(|| self.polygon.radiance * seen.unshadowed())),
-                }
-            }
+    fn given(&self, receiver: &Receiver) -> Option<Given> {
+        match self.polygon.seen_from(receiver).transpose()? {
+            Ok(seen) => Some(Given::Free { share: seen.unshadowed(), is_cut: seen.is_cut() }),
+            Err(Unclear) => Some(Given::Unclear),
+        }
+    }
+
+    /// What it brings: in closed form where that is at least `minor` and not too many triangles stand between.
+    fn bring(
+        &self,
+        world: &World,
+        receiver: &Receiver,
+        given: Given,
+        (minor, care, n): (f32, Care, u32),
+        n_rays: &mut u64,
+    ) -> Brought {
+        let Given::Free { share, is_cut } = given else { return Brought::Partly { free: None, points: n } };
+        let radiance = self.polygon.radiance;
+        // Of one that the horizon cuts some points bring nothing anyway: shares of a few would be wrong.
+        let free = (!is_cut).then_some(radiance * share);
+        if share * radiance.luminance() < minor {
+            return Brought::Partly { free, points: if is_cut { n } else { 1 } };
+        }
+        *n_rays += 1;
+        let seen = self.polygon.seen_from(receiver);
+        match seen.ok().flatten().and_then(|seen| left(world, receiver, &seen, care.blockers(n, share))) {
+            Some(share) => Brought::Exactly(radiance * share),
+            None => Brought::Partly { free, points: n },
         }
     }
 }
 
 /// `E/L_e` of what a receiver sees of a polygon; `None` where too much stands between, or something that is no opaque triangle.
-fn share(world: &World, receiver: &Receiver, seen: &Seen, most: usize) -> Option<f32> {
+fn left(world: &World, receiver: &Receiver, seen: &Seen, most: usize) -> Option<f32> {
     let mut blockers = [Triangle::default(); BLOCKERS];
-    let n = world.accel().triangles_in(seen.region(), &mut blockers[..most.min(BLOCKERS)])?;
+    let n = world.accel().triangles_in(&seen.region(receiver), &mut blockers[..most.min(BLOCKERS)])?;
     if n == 0 {
         return Some(seen.unshadowed());
     }

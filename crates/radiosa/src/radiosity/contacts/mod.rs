@@ -93,17 +93,6 @@ pub(super) fn pieces(
     (0..patches.len()).into_par_iter().map(of_patch).collect()
 }
 
-/// Which of the pieces of a cell a point lies in; the nearest, about, where it is in none.
-pub(super) fn piece_at(pieces: &[Piece], p: DVec3) -> usize {
-    let inside = |(corners, n): &Piece| {
-        let normal = area_vector(&corners[..*n]);
-        let of_edge = |k: usize| normal.cross(corners[(k + 1) % n] - corners[k]).normalize_or_zero().dot(p - corners[k]);
-        (0..*n).map(of_edge).fold(f64::INFINITY, f64::min)
-    };
-    let inside: Vec<f64> = pieces.iter().map(inside).collect();
-    (0..pieces.len()).max_by(|&a, &b| inside[a].total_cmp(&inside[b]).then(b.cmp(&a))).unwrap_or(0)
-}
-
 /// The boxes around patches, and those that are not much smaller than an element.
 fn large_of(patches: &[Patch], size: f64) -> (Vec<Box3>, Vec<u32>) {
     let bounds: Vec<Box3> = patches.iter().map(|patch| Box3::of(patch.corners())).collect();

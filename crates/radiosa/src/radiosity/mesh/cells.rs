@@ -1,6 +1,7 @@
 //! The cells of a patch: how many, which one a point is in, and their corners.
 
 use crate::math::DVec3;
+use crate::math::polygon::area_vector;
 use crate::radiosity::patch::Patch;
 
 /// Cells along one edge of a patch at most.
@@ -8,6 +9,46 @@ pub const MAX_CELLS: u32 = 1024;
 
 /// A convex polygon of three or four corners, counter-clockwise seen from the front; the last repeats the third in a triangle.
 pub(in crate::radiosity) type Piece = ([DVec3; 4], usize);
+
+/// A piece of a cell, and how far inside of its edges points are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Cut {
+    pub(super) piece: Piece,
+    /// Unit, inwards in its plane, and what it is along them.
+    edges: [(DVec3, f64); 4],
+}
+
+impl Cut {
+    pub(super) fn new(piece: Piece) -> Self {
+        let (corners, n) = piece;
+        let normal = area_vector(&corners[..n]);
+        let edge = |k: usize| {
+            let inwards = normal.cross(corners[(k + 1) % n] - corners[k]).normalize_or_zero();
+            (inwards, inwards.dot(corners[k]))
+        };
+        // (Of a triangle the last once more.)
+        Self { piece, edges: [0, 1, 2, n - 1].map(edge) }
+    }
+
+    /// How far a point is inside; less than zero outside.
+    fn depth(&self, p: DVec3) -> f64 {
+        self.edges.iter().map(|(inwards, at)| inwards.dot(p) - at).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// Which of the pieces of a cell a point lies in; the nearest, about, where it is in none.
+pub(super) fn piece_at(cuts: &[Cut], p: DVec3) -> usize {
+    let mut best = (f64::NEG_INFINITY, 0);
+    if cuts.len() > 1 {
+        for (k, cut) in cuts.iter().enumerate() {
+            let depth = cut.depth(p);
+            if depth > best.0 {
+                best = (depth, k);
+            }
+        }
+    }
+    best.1
+}
 
 /// Cells along the edges for elements no longer than `size`.
 pub(super) fn cells(patch: &Patch, size: f64) -> [u32; 2] {

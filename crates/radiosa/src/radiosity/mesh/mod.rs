@@ -10,7 +10,7 @@ mod cells;
 
 use std::collections::BTreeMap;
 
-use self::cells::{cell_corners, cells, reversed, size_for};
+use self::cells::{Cut, cell_corners, cells, reversed, size_for};
 use super::contacts;
 use super::direct::DirectLight;
 use super::discontinuity::{self, Lines};
@@ -198,8 +198,8 @@ pub struct Grid {
 /// Cells of a grid cut into pieces and divided again, each piece into `k × k` parts.
 #[derive(Clone, Debug, PartialEq)]
 struct Splits {
-    /// The pieces of cells that contact lines touch and shadows cut; others are whole.
-    pieces: BTreeMap<u32, Vec<Piece>>,
+    /// By cell: its pieces, where contact lines touch it or shadows cut it; none where it is whole.
+    cuts: Vec<Vec<Cut>>,
     /// Parts along an edge, by cell.
     k: Vec<u32>,
     /// Parts of the cells before, by cell; at the end the number of all.
@@ -207,13 +207,13 @@ struct Splits {
 }
 
 impl Splits {
-    fn new(pieces: BTreeMap<u32, Vec<Piece>>, k: Vec<u32>) -> Self {
+    fn new(cuts: Vec<Vec<Cut>>, k: Vec<u32>) -> Self {
         let mut starts = vec![0];
-        starts.extend(k.iter().enumerate().scan(0, |sum, (cell, k)| {
-            *sum += k * k * pieces.get(&(cell as u32)).map_or(1, |pieces| pieces.len() as u32);
+        starts.extend(k.iter().zip(&cuts).scan(0, |sum, (k, cuts)| {
+            *sum += k * k * (cuts.len() as u32).max(1);
             Some(*sum)
         }));
-        Self { pieces, k, starts }
+        Self { cuts, k, starts }
     }
 }
 
@@ -243,6 +243,36 @@ pub struct Record {
     pub exposed: Vec<u64>,
     /// The borders of shadows that cells were cut along.
     pub shadows: Lines,
+}
+
+/// A piece of a cell with a point in it.
+struct Spot<'a> {
+    /// The first of its elements, and how many of them lie along an edge.
+    first: u32,
+    k: u32,
+    /// Where it is not the whole cell.
+    piece: Option<&'a Piece>,
+    /// Of the cell, as the point's parameters in it.
+    is_quad: bool,
+    within: [f64; 2],
+    side: Side,
+}
+
+impl Spot<'_> {
+    /// The element, and the point's parameters within it.
+    fn part(&self, p: DVec3) -> (u32, [f64; 2]) {
+        let (is_quad, within) = match self.piece {
+            Some((corners, n)) => (*n == 4, patch::parameters(*corners, *n == 4, p)),
+            None => (self.is_quad, self.within),
+        };
+        // (The back's corners run the other way.)
+        let within = if self.side == Side::Back { reversed(is_quad, within) } else { within };
+        if self.k == 1 {
+            return (self.first, within);
+        }
+        let (part, within) = cell_at(is_quad, [self.k; 2], within);
+        (self.first + part, within)
+    }
 }
 
 /// The borders of shadows that a mesh has: those of a world's lights, or those it had before.
@@ -303,7 +333,12 @@ impl ElementMesh {
             let most = if settings.cuts_contacts { n / 2 } else { 0 };
             pieces = contacts::pieces(&patches.patches, &kept, &grids, size, most, &shadows.lines);
         }
-        let splits = |n, pieces: BTreeMap<_, _>| (!pieces.is_empty()).then(|| Splits::new(pieces, vec![1; n_cells(n)]));
+        let splits = |n, pieces: BTreeMap<u32, Vec<Piece>>| {
+            let mut cuts = vec![Vec::new(); n_cells(n)];
+            let is_split = !pieces.is_empty();
+            pieces.into_iter().for_each(|(cell, pieces)| cuts[cell as usize] = pieces.into_iter().map(Cut::new).collect());
+            is_split.then(|| Splits::new(cuts, vec![1; n_cells(n)]))
+        };
         let grids = grids.iter().zip(pieces).map(|(n, pieces)| (*n, splits(n, pieces))).collect();
         let record = Record { settings: settings.clone(), kept, refined: Vec::new(), exposed: Vec::new(), shadows };
         Self::build(patches, grids, before, record)
@@ -401,9 +436,9 @@ impl ElementMesh {
                         mesh.elements.extend((0..k * k).map(|i| Element { part: part + i, ..part_of(piece, k, i) }));
                         part += k * k;
                     };
-                    match splits.pieces.get(&cell) {
-                        Some(pieces) => pieces.iter().for_each(|piece| divide(&with_corners(&whole, *piece))),
-                        None => divide(&whole),
+                    match &splits.cuts[cell as usize][..] {
+                        [] => divide(&whole),
+                        cuts => cuts.iter().for_each(|cut| divide(&with_corners(&whole, cut.piece))),
                     }
                 }
             }
@@ -441,12 +476,12 @@ impl ElementMesh {
             is_new[p].resize(n, false);
             // Several parts and both sides may ask for it.
             if !std::mem::replace(&mut is_new[p][element.cell as usize], true) {
-                let splits = splits[p].get_or_insert_with(|| Splits::new(BTreeMap::new(), vec![1; n]));
+                let splits = splits[p].get_or_insert_with(|| Splits::new(vec![Vec::new(); n], vec![1; n]));
                 let k = &mut splits.k[element.cell as usize];
                 *k = (2 * *k).min(MAX_PARTS);
             }
         }
-        let grids = self.grids.iter().zip(splits).map(|(g, s)| (g.n, s.map(|s| Splits::new(s.pieces, s.k)))).collect();
+        let grids = self.grids.iter().zip(splits).map(|(g, s)| (g.n, s.map(|s| Splits::new(s.cuts, s.k)))).collect();
         let Record { settings, kept, mut refined, shadows, .. } = self.record.clone();
         refined.push(marked.to_vec());
         Self::build(
@@ -480,30 +515,35 @@ impl ElementMesh {
 
     /// The element of a patch's side at a point of it; the nearest in parameters where the point lies outside.
     pub fn element_on(&self, index: u32, side: Side, p: DVec3) -> Option<u32> {
-        self.locate(index, side, p).map(|(element, _)| element)
+        let spot = self.spot(index, side, p)?;
+        // (One part: nobody has to know where in it.)
+        Some(if spot.k == 1 { spot.first } else { spot.part(p).0 })
     }
 
     /// The same with the point's parameters within the element, along its own corners: those of [`Patch::at`].
     fn locate(&self, index: u32, side: Side, p: DVec3) -> Option<(u32, [f64; 2])> {
+        Some(self.spot(index, side, p)?.part(p))
+    }
+
+    /// The piece of a cell in which a point lies.
+    fn spot(&self, index: u32, side: Side, p: DVec3) -> Option<Spot<'_>> {
         let (index, side) = self.there(index, side, p);
         let patch = &self.patches.patches[index as usize];
         let grid = &self.grids[index as usize];
         let first = grid.first[side as usize]?;
-        let (cell, mut within) = cell_at(patch.is_quad(), grid.n, patch.parameters(p));
-        let splits = self.splits[index as usize].as_ref();
-        let (mut piece, mut is_quad) = (0, patch.is_quad());
-        if let Some(pieces) = splits.and_then(|splits| splits.pieces.get(&cell)) {
-            piece = contacts::piece_at(pieces, p);
-            let (corners, n_corners) = pieces[piece];
-            is_quad = n_corners == 4;
-            within = patch::parameters(corners, is_quad, p);
+        let (cell, within) = cell_at(patch.is_quad(), grid.n, patch.parameters(p));
+        let mut spot = Spot { first: first + cell, k: 1, piece: None, is_quad: patch.is_quad(), within, side };
+        if let Some(splits) = &self.splits[index as usize] {
+            spot.k = splits.k[cell as usize];
+            spot.first = first + splits.starts[cell as usize];
+            let cuts = &splits.cuts[cell as usize];
+            if !cuts.is_empty() {
+                let piece = cells::piece_at(cuts, p);
+                spot.first += piece as u32 * spot.k * spot.k;
+                spot.piece = Some(&cuts[piece].piece);
+            }
         }
-        // (The back's corners run the other way.)
-        let within = if side == Side::Back { reversed(is_quad, within) } else { within };
-        let Some(splits) = splits else { return Some((first + cell, within)) };
-        let k = splits.k[cell as usize];
-        let (part, within) = cell_at(is_quad, [k; 2], within);
-        Some((first + splits.starts[cell as usize] + piece as u32 * k * k + part, within))
+        Some(spot)
     }
 
     /// The element a ray of direction `dir` met at `p`, and the weights of its corners there, which sum to one: bilinear in a quadrilateral,
@@ -528,7 +568,7 @@ impl ElementMesh {
 
     /// A contact line touches the cell of an element, or the border of a shadow cuts it.
     pub(super) fn is_at_contact(&self, element: &Element) -> bool {
-        self.splits[element.patch as usize].as_ref().is_some_and(|s| s.pieces.contains_key(&element.cell))
+        self.splits[element.patch as usize].as_ref().is_some_and(|s| !s.cuts[element.cell as usize].is_empty())
     }
 
     /// The elements just across the middle of every edge, in the order of edges; the element itself where there are none.

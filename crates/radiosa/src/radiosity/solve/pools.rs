@@ -22,6 +22,8 @@ pub struct Pools {
     members: Vec<u32>,
     /// By place in `members`: the area of all of the pool up to there.
     up_to: Vec<f64>,
+    /// Of a cell of space, metres; zero where each element stands for itself.
+    size: f64,
 }
 
 impl Pools {
@@ -31,10 +33,10 @@ impl Pools {
     }
 
     /// The same where there are more than `single` elements, with about `cells` of equal area.
-    fn with(mesh: &ElementMesh, single: usize, cells: f64) -> Self {
+    pub(crate) fn with(mesh: &ElementMesh, single: usize, cells: f64) -> Self {
         let elements = mesh.elements();
         if elements.len() <= single {
-            return Self::of((0..elements.len() as u32).collect(), elements);
+            return Self { size: 0.0, ..Self::of((0..elements.len() as u32).collect(), elements) };
         }
         let size = (elements.iter().map(|e| e.area).sum::<f64>() / cells).sqrt();
         let (mut known, mut n) = (HashMap::new(), 0);
@@ -53,7 +55,7 @@ impl Pools {
             let facing = (element.normal * 1.2).round().as_i64vec3();
             *known.entry((patch.instance, patch.material, place, facing)).or_insert_with(&mut next)
         };
-        Self::of(elements.iter().map(pool).collect(), elements)
+        Self { size, ..Self::of(elements.iter().map(pool).collect(), elements) }
     }
 
     /// From the pool of each element.
@@ -71,12 +73,17 @@ impl Pools {
         for pool in starts.windows(2) {
             (pool[0] as usize + 1..pool[1] as usize).for_each(|k| up_to[k] += up_to[k - 1]);
         }
-        Self { of, starts, members, up_to }
+        Self { of, starts, members, up_to, size: 0.0 }
     }
 
     /// How many there are.
     pub fn n(&self) -> usize {
         self.starts.len() - 1
+    }
+
+    /// The side of the cells of space that those of several elements lie in, metres.
+    pub fn size(&self) -> f64 {
+        self.size
     }
 
     /// Of how many elements.

@@ -29,7 +29,7 @@ use crate::sampling::Stream;
 use crate::scene::{Light, LightKind};
 use crate::spectrum::Spectrum;
 use crate::transport::media::{Loss, Media};
-use crate::transport::{Emitters, Footprint, Glass, Integrator, LightSettings, Lights, Surface, World, default_light};
+use crate::transport::{Emitters, FEW_LAMPS, Footprint, Glass, Integrator, LightSettings, Lights, Surface, World, default_light};
 
 use walk::Walk;
 
@@ -106,7 +106,7 @@ impl PathTracer {
         let mut lamps = lamps.with_glass(Glass::Sheets).with_loss(loss);
         let has_lamps = lamps.n_lamps() > 0;
         if let Some(n) = settings.drawn_lamps {
-            lamps = lamps.drawing(n);
+            lamps = lamps.drawing(n, FEW_LAMPS);
         }
         let all = || world.scene().lights.iter().chain(&settings.extra_lights);
         let hemispheres = all().filter_map(|light| match light.kind {
