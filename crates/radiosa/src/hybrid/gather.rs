@@ -27,11 +27,11 @@ use crate::transport::{Care, Emitters, FEW_LAMPS, LightSettings, Lights, Shading
 const NEAR: [f32; 2] = [1.0, 4.0];
 /// Elements of which less than this is free of others are always looked at closely: the few points that stand for them say little.
 const KNOWN: f64 = 0.25;
-/// Elements for each that was wanted, from which on small ones have their light in common; and the size of the cells they lie in to the distance from which one is taken
-/// as a whole.
+/// Elements for each that was wanted, from which on small ones have their light in common,
 const MANY: usize = 4;
-/// Cells are no larger than for so many elements.
+/// in cells no larger than for so many elements,
 const POOLS: u32 = 1000;
+/// and the distance from which such a pool is taken as a whole, in sizes of a cell.
 const NEAR_POOL: f32 = 1.0;
 /// Mirrors in a row that a ray of a gather follows, and straight passages through what is transparent.
 const MIRRORS: u32 = 4;

@@ -36,7 +36,7 @@ impl Care {
     /// Triangles that are sooner cut out than `n` points are drawn, where a polygon would give `share` of its `L_e`: of small ones points are noisy in narrow penumbras only.
     fn blockers(self, n: u32, share: f32) -> usize {
         match self {
-            Self::OfPictures => 8 + (600.0 * share) as usize,
+            Self::OfPictures => 48 + (600.0 * share) as usize,
             Self::OfGathers => 8 * (n as usize + 1),
         }
     }
