@@ -29,16 +29,27 @@ pub(crate) struct Room {
 /// Up to 16 samples where pixels differ by more than 0.1.
 const AT_EDGES: [&str; 4] = ["+A0.1", "+AM2", "+R2", "-J"];
 
+/// What rooms have in common.
+const ROOM: Room = Room {
+    name: "",
+    scene: "",
+    light: "1",
+    changes: &[],
+    size: "320x240",
+    samples: [64, 256],
+    povray: [["50", "0.6", "4"], ["200", "0.4", "4"]],
+    antialiasing: &AT_EDGES,
+};
+
 pub(crate) const ROOMS: [Room; 4] = [
     Room {
         name: "cornell-box",
         scene: "scenes/cornell-box.toml",
-        light: "1",
-        changes: &[],
         size: "512x512",
         samples: [32, 128],
         povray: [["100", "0.5", "4"], ["600", "0.4", "9"]],
         antialiasing: &["-A"],
+        ..ROOM
     },
     Room {
         name: "room",
@@ -46,31 +57,11 @@ pub(crate) const ROOMS: [Room; 4] = [
         light: "0.002",
         // (Sides of a cone are no parallelograms.)
         changes: &["shape.\"lamp shade\".cone.top_radius=0.22"],
-        size: "320x240",
-        samples: [64, 256],
-        povray: [["50", "0.6", "4"], ["200", "0.4", "4"]],
         antialiasing: &["-A"],
+        ..ROOM
     },
-    Room {
-        name: "living-room",
-        scene: "scenes/rooms/living-room.toml",
-        light: "0.002",
-        changes: &[],
-        size: "320x240",
-        samples: [64, 256],
-        povray: [["50", "0.6", "4"], ["200", "0.4", "4"]],
-        antialiasing: &AT_EDGES,
-    },
-    Room {
-        name: "small-house",
-        scene: "benches/race/small-house.toml",
-        light: "0.1",
-        changes: &[],
-        size: "320x240",
-        samples: [64, 256],
-        povray: [["50", "0.6", "4"], ["200", "0.4", "4"]],
-        antialiasing: &AT_EDGES,
-    },
+    Room { name: "living-room", scene: "scenes/rooms/living-room.toml", light: "0.002", ..ROOM },
+    Room { name: "small-house", scene: "benches/race/small-house.toml", light: "0.1", ..ROOM },
 ];
 
 /// The noise that references may have, relMSE.
@@ -120,11 +111,7 @@ impl<'a> Prepared<'a> {
             crate::run(ask("mask", "room.json").arg(&self.mask))?;
             let mut draw = ask("reference", "room.toml");
             draw.arg(NOISE.to_string()).args([&self.mask, &self.reference]).arg(self.root.join("target/release/radiosa"));
-            let output = draw.output().context("cannot start python3")?;
-            if !output.status.success() {
-                bail!("{}", String::from_utf8_lossy(&output.stderr));
-            }
-            let said = String::from_utf8(output.stdout)?;
+            let said = said(&mut draw)?;
             let noise = said.lines().last().context("the reference's noise is not known")?;
             fs::write(&kept, noise)?;
         }
@@ -170,12 +157,17 @@ impl<'a> Prepared<'a> {
             measure.args(["--epsilon", "mean"]);
         }
         measure.args([&self.reference, &self.mask]).arg(self.noise.to_string()).args((0..n).map(|k| self.picture(k)));
-        let output = measure.output().context("cannot start picture_error")?;
-        if !output.status.success() {
-            bail!("{}", String::from_utf8_lossy(&output.stderr));
-        }
-        String::from_utf8(output.stdout)?.lines().map(|line| Ok(serde_json::from_str(line)?)).collect()
+        said(&mut measure)?.lines().map(|line| Ok(serde_json::from_str(line)?)).collect()
     }
+}
+
+/// What a command prints.
+fn said(command: &mut Command) -> Result<String> {
+    let output = command.output().with_context(|| format!("cannot start {command:?}"))?;
+    if !output.status.success() {
+        bail!("{}", String::from_utf8_lossy(&output.stderr));
+    }
+    Ok(String::from_utf8(output.stdout)?)
 }
 
 fn python(root: &Path, script: &str) -> Command {

@@ -16,6 +16,7 @@ use std::path::Path;
 
 use radiosa::bsdf::texture::sample;
 use radiosa::import::{self, Options, Override};
+use radiosa::math::polygon::area_vector;
 use radiosa::math::{DAffine3, DVec3, Vec2};
 use radiosa::scene::{
     AlphaMode, ColorMap, Cone, EnvironmentRadiance, Geometry, Instance, InstanceId, Light, LightKind, Material, MaterialId, Mesh,
@@ -222,18 +223,13 @@ impl Faces {
         let mut back = Self::default();
         for face in &self.faces {
             let corners: Vec<DVec3> = face.iter().map(|i| self.positions[*i as usize]).collect();
-            let behind = area(&corners).normalize_or_zero() * -SKIN;
+            let behind = area_vector(&corners).normalize_or_zero() * -SKIN;
             let first = back.positions.len() as u32;
             back.positions.extend(corners.iter().rev().map(|p| *p + behind));
             back.faces.push((first..first + corners.len() as u32).collect());
         }
         back
     }
-}
-
-/// Twice the area of a polygon, along its normal.
-fn area(corners: &[DVec3]) -> DVec3 {
-    corners.windows(2).map(|p| (p[0] - corners[0]).cross(p[1] - corners[0])).sum()
 }
 
 /// Triangles of a mesh, or the convex quadrilaterals they are parts of.
@@ -281,7 +277,7 @@ fn faces(mesh: &Mesh, triangles: &[u32], transform: &DAffine3) -> Faces {
 /// Less high than anything that could be seen.
 fn is_sliver(corners: &[DVec3]) -> bool {
     let longest = corners.iter().flat_map(|p| corners.iter().map(|q| p.distance(*q))).fold(0.0, f64::max);
-    area(corners).length() <= 1e-5 * longest
+    2.0 * area_vector(corners).length() <= 1e-5 * longest
 }
 
 fn is_convex_quadrilateral(mesh: &Mesh, corners: &[u32]) -> bool {

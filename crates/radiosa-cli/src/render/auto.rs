@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use radiosa::hybrid::FinalGather;
 use radiosa::radiosity::mesh::ElementMesh;
 use radiosa::scene::{Light, LightKind, Material, Model, PhotometricUnit};
 use radiosa::transport::World;
@@ -109,14 +110,12 @@ const AN_ELEMENT: f64 = 4e-5;
 const AN_ELEMENTS_RAY: f64 = 4e-6;
 const A_SAMPLE: f64 = 1e-5;
 const A_PIXELS_RAY: f64 = 7e-8;
-/// Of more elements than so many for each that was wanted, small ones share their light.
-const POOLED: u64 = 4;
 
 /// About how long the hybrid takes on two threads, seconds: by what it took for ordinary rooms, and not by this machine's speed or threads, so that the same
 /// options choose the same method everywhere.
 fn expected(picture: &Picture, stage: &Stage, (elements, wanted): (u64, u32)) -> f64 {
     let pixels = f64::from(stage.size.width) * f64::from(stage.size.height);
-    let lit = elements.min(POOLED * u64::from(wanted));
+    let lit = elements.min(u64::from(FinalGather::POOLED) * u64::from(wanted));
     let light = elements as f64 * AN_ELEMENT + lit as f64 * f64::from(picture.gather) * AN_ELEMENTS_RAY;
     let samples = pixels * f64::from(picture.samples_a_pixel()) * A_SAMPLE;
     let records = pixels * f64::from(picture.gather) * A_PIXELS_RAY;

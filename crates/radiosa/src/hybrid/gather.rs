@@ -27,9 +27,7 @@ use crate::transport::{Care, Emitters, FEW_LAMPS, LightSettings, Lights, Shading
 const NEAR: [f32; 2] = [1.0, 4.0];
 /// Elements of which less than this is free of others are always looked at closely: the few points that stand for them say little.
 const KNOWN: f64 = 0.25;
-/// Elements for each that was wanted, from which on small ones have their light in common,
-const MANY: usize = 4;
-/// in cells no larger than for so many elements,
+/// Cells that small elements share are no larger than for so many elements,
 const POOLS: u32 = 1000;
 /// and the distance from which such a pool is taken as a whole, in sizes of a cell.
 const NEAR_POOL: f32 = 1.0;
@@ -136,6 +134,11 @@ impl Numbers {
 struct Cell {
     light: Spectrum,
     distance: f32,
+}
+
+impl FinalGather<'_> {
+    /// Elements for each that was wanted, from which on small ones have their light in common.
+    pub const POOLED: u32 = 4;
 }
 
 impl<'a> FinalGather<'a> {
@@ -382,7 +385,7 @@ impl<'a> FinalGather<'a> {
 /// Pools for a solution that is to be found.
 pub(super) fn pools(mesh: &ElementMesh) -> Pools {
     let wanted = mesh.record().settings.elements.max(POOLS);
-    Pools::with(mesh, MANY * wanted as usize, f64::from(wanted))
+    Pools::with(mesh, FinalGather::POOLED as usize * wanted as usize, f64::from(wanted))
 }
 
 /// How near each pool may be taken as a whole: nearer where the light of its neighbours is like its own.

@@ -36,7 +36,7 @@ impl Pools {
     pub(crate) fn with(mesh: &ElementMesh, single: usize, cells: f64) -> Self {
         let elements = mesh.elements();
         if elements.len() <= single {
-            return Self { size: 0.0, ..Self::of((0..elements.len() as u32).collect(), elements) };
+            return Self::of((0..elements.len() as u32).collect(), elements);
         }
         let size = (elements.iter().map(|e| e.area).sum::<f64>() / cells).sqrt();
         let (mut known, mut n) = (HashMap::new(), 0);
