@@ -43,8 +43,9 @@ const LAMPS: u32 = 4;
 const PROBES: u32 = 128;
 /// Independent estimates at a sensor.
 const SETS: u32 = 16;
-/// Less than this of what a ray brings is not followed.
+/// Less than this of what a ray brings is not followed, and less than this by chance.
 const NEGLIGIBLE: f32 = 0.01;
+const FAINT: f32 = 0.25;
 
 /// A solution ready to be gathered from.
 #[derive(Debug)]
@@ -318,32 +319,34 @@ impl<'a> FinalGather<'a> {
         (light, first.unwrap_or(f32::INFINITY))
     }
 
-    /// What leaves a surface towards the ray that met it.
+    /// What leaves a surface towards the ray that met it. Rays that have met something before do not divide any more: a diffuse bounce and a reflection share one.
     fn leaving(&self, met: &Met<'_>, reach: Reach<'_>, n_rays: &mut u64) -> Spectrum {
         let Met { surface, shading, .. } = met;
         let mut light = if reach.sees_emission { shading.emission } else { Spectrum::BLACK };
+        let mut stream = Stream::new(reach.key, 1, 0);
+        let reflected = self.reflected(met, &reach, stream.next_2d());
+        let u = stream.next_f32();
+        let brings = reflected.map_or(0.0, |(_, weight)| weight.max_channel());
+        let mut chance = (brings / FAINT).min(1.0);
         let diffuse = shading.bsdf.diffuse_reflectance();
         if !diffuse.is_black() {
             let known = self.mesh.element_at(met.hit, surface.p, met.dir);
             let is_far = |element: &u32| met.travelled >= self.near_of(*element) * reach.near;
-            light += match known.filter(|known| is_far(known) || !reach.looks_closely()) {
-                Some(element) => self.of_element(element, diffuse, &reach),
-                None if reach.looks_closely() => self.looked_at(surface, shading, reach, n_rays),
-                None => Spectrum::BLACK,
-            };
+            match known.filter(|known| is_far(known) || !reach.looks_closely()) {
+                Some(element) => light += self.of_element(element, diffuse, &reach),
+                None if reach.looks_closely() => {
+                    let is_first = reach.bounces + reach.mirrors == 0;
+                    if !is_first {
+                        chance = brings / (brings + diffuse.max_channel());
+                    }
+                    let bounces = if is_first { (u, 1.0) } else { (1.0 - u, 1.0 - chance) };
+                    light += self.looked_at(surface, shading, bounces, reach, n_rays);
+                }
+                None => {}
+            }
         }
-        let (wo, n) = (shading.wo, shading.n);
-        let mirrored = shading.bsdf.specular_rays(n, wo, surface.is_front(wo)).reflected;
-        let mut stream = Stream::new(reach.key, 1, 0);
-        let mirrored = match mirrored {
-            None if shading.bsdf.is_glossy() => shading.bsdf.sample_gloss(n, wo, stream.next_2d()),
-            mirrored => mirrored,
-        };
-        if let Some((dir, weight)) = mirrored
-            && reach.mirrors < MIRRORS
-            && weight.max_channel() >= NEGLIGIBLE
-            && dir.dot(surface.ng) * wo.dot(surface.ng) > 0.0
-        {
+        if let Some((dir, weight)) = reflected.filter(|_| u < chance) {
+            let weight = weight * (1.0 / chance);
             let through = reach.through * weight;
             let next = Reach { mirrors: reach.mirrors + 1, sees_emission: true, key: rng::mix(reach.key), through, ..reach };
             light += weight * self.arriving(&surface.ray(dir), next, n_rays).0;
@@ -351,9 +354,28 @@ impl<'a> FinalGather<'a> {
         light
     }
 
+    /// A direction from which light is mirrored towards a ray, and how much of it, unless enough mirrors are behind that ray; by `u` where the mirror is rough.
+    fn reflected(&self, met: &Met<'_>, reach: &Reach<'_>, u: Vec2) -> Option<(Vec3, Spectrum)> {
+        let Met { surface, shading, .. } = met;
+        let (wo, n) = (shading.wo, shading.n);
+        let smooth = shading.bsdf.specular_rays(n, wo, surface.is_front(wo)).reflected;
+        let rough = || if shading.bsdf.is_glossy() { shading.bsdf.sample_gloss(n, wo, u) } else { None };
+        let leaves = |dir: Vec3| dir.dot(surface.ng) * wo.dot(surface.ng) > 0.0;
+        smooth
+            .or_else(rough)
+            .filter(|(dir, weight)| reach.mirrors < MIRRORS && weight.max_channel() >= NEGLIGIBLE && leaves(*dir))
+    }
+
     /// The diffuse light of a surface too near for its element's mean: direct light by one point of all emissive surfaces, and one more bounce, which may meet
-    /// such a surface again.
-    fn looked_at(&self, surface: &Surface, shading: &Shading, reach: Reach<'_>, n_rays: &mut u64) -> Spectrum {
+    /// such a surface again; the bounce is made where a number between 0 and 1 is below a chance.
+    fn looked_at(
+        &self,
+        surface: &Surface,
+        shading: &Shading,
+        (number, chance): (f32, f32),
+        reach: Reach<'_>,
+        n_rays: &mut u64,
+    ) -> Spectrum {
         let mut stream = Stream::new(reach.key, 0, 0);
         let direct =
             self.near_lights.at_random(self.world, surface, shading, Some(&Media::VACUUM), (1, &mut stream), n_rays).diffuse;
@@ -365,8 +387,8 @@ impl<'a> FinalGather<'a> {
         }
         let rho = shading.bsdf.diffuse_reflectance();
         // In narrow places all that is met is near: what goes on there ends by chance, as much as is absorbed.
-        let goes_on = if reach.bounces < SURE { 1.0 } else { rho.max_channel().min(0.95) };
-        if stream.next_f32() >= goes_on {
+        let goes_on = chance * if reach.bounces < SURE { 1.0 } else { rho.max_channel().min(0.95) };
+        if number >= goes_on {
             return direct;
         }
         let weight = rho * (1.0 / goes_on);
