@@ -289,7 +289,8 @@ impl<'a> FinalGather<'a> {
         self.near[self.pools.of_element(element as usize) as usize]
     }
 
-    /// The same with everything that can be there, from what the ray meets first, where that is known.
+    /// The same with everything that can be there, from what the ray meets first, where that is known. Only the first surface that a gather meets is both seen and seen
+    /// through; of others one is drawn.
     fn followed(&self, ray: &Ray, mut met_first: Option<Hit>, reach: Reach<'_>, n_rays: &mut u64) -> (Spectrum, f32) {
         let world = self.world;
         let (mut ray, mut open, mut light) = (*ray, Spectrum::WHITE, Spectrum::BLACK);
@@ -306,10 +307,23 @@ impl<'a> FinalGather<'a> {
             let key = rng::mix(reach.key ^ u64::from(layer + 1));
             let met = Met { surface: &surface, shading: &shading, hit: &hit, travelled, dir: ray.dir };
             let open_here = open * shading.coverage;
-            let through = reach.through * open_here;
-            light += open_here * self.leaving(&met, Reach { key, through, ..reach }, n_rays);
             let glass = shading.straight_transmission();
-            open = open * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
+            let mut passes = open * (Spectrum::gray(1.0 - shading.coverage) + glass * shading.coverage);
+            let mut stays = open_here;
+            if layer > 0 || reach.has_met() {
+                let [s, p] = [stays, passes].map(Spectrum::max_channel);
+                let chance = s / (s + p);
+                if rng::unit_f32((key >> 32) as u32) < chance {
+                    (stays, passes) = (stays * (1.0 / chance), Spectrum::BLACK);
+                } else {
+                    (stays, passes) = (Spectrum::BLACK, passes * (1.0 / (1.0 - chance)));
+                }
+            }
+            if !stays.is_black() {
+                let reach = Reach { key, through: reach.through * stays, ..reach };
+                light += stays * self.leaving(&met, reach, n_rays);
+            }
+            open = passes;
             if open.max_channel() < NEGLIGIBLE {
                 break;
             }
@@ -335,7 +349,7 @@ impl<'a> FinalGather<'a> {
             match known.filter(|known| is_far(known) || !reach.looks_closely()) {
                 Some(element) => light += self.of_element(element, diffuse, &reach),
                 None if reach.looks_closely() => {
-                    let is_first = reach.bounces + reach.mirrors == 0;
+                    let is_first = !reach.has_met();
                     if !is_first {
                         chance = brings / (brings + diffuse.max_channel());
                     }
@@ -497,6 +511,11 @@ impl<'s> Reach<'s> {
     /// As [`Self::first`], with elements noted in `sink`.
     pub(super) const fn noting(key: u64, bounce: Vec2, sink: &'s Sink) -> Self {
         Self { sink: Some(sink), ..Self::first(key, bounce) }
+    }
+
+    /// It is not the first of a gather.
+    const fn has_met(&self) -> bool {
+        self.bounces + self.mirrors > 0
     }
 
     /// What it meets nearby is found by one more bounce.
