@@ -47,6 +47,9 @@ const SETS: u32 = 16;
 const NEGLIGIBLE: f32 = 0.01;
 const FAINT: f32 = 0.25;
 
+/// What a ray of a gather may bring of lamps in mirrors, for all that other rays bring.
+const MOST_THROWN: f32 = 1.0 / 16.0;
+
 /// A solution ready to be gathered from.
 #[derive(Debug)]
 pub struct FinalGather<'a> {
@@ -134,6 +137,8 @@ impl Numbers {
 #[derive(Clone, Copy)]
 struct Cell {
     light: Spectrum,
+    /// Emission that mirrors threw this way, not yet in `light`.
+    thrown: Spectrum,
     distance: f32,
 }
 
@@ -192,13 +197,15 @@ impl<'a> FinalGather<'a> {
             let dir = frame.to_world(Vec3::new(r * function::cos(phi), r * function::sin(phi), (1.0 - s).max(0.0).sqrt()));
             // A bent normal's rays into the surface itself bring nothing.
             if dir.dot(side) <= 0.0 {
-                return Cell { light: Spectrum::BLACK, distance: f32::INFINITY };
+                return Cell { light: Spectrum::BLACK, thrown: Spectrum::BLACK, distance: f32::INFINITY };
             }
-            let key = rng::nth(numbers.key, u64::from(cell));
-            let (light, distance) = self.arriving(&surface.ray(dir), Reach::first(key, bounce), n_rays);
-            Cell { light, distance }
+            let (key, thrown) = (rng::nth(numbers.key, u64::from(cell)), Thrown::default());
+            let reach = Reach { thrown: Some(&thrown), ..Reach::first(key, bounce) };
+            let (light, distance) = self.arriving(&surface.ray(dir), reach, n_rays);
+            Cell { light, thrown: thrown.get(), distance }
         };
-        let cells: Vec<Cell> = (0..m * turns).map(look).collect();
+        let mut cells: Vec<Cell> = (0..m * turns).map(look).collect();
+        add_thrown(&mut cells);
         let mut gathered = Gathered::default();
         let (mut nearness, mut differences) = (0.0, 0.0);
         for cell in &cells {
@@ -298,7 +305,7 @@ impl<'a> FinalGather<'a> {
         for layer in 0..LAYERS {
             let met = met_first.take().map(|hit| (hit, world.surface(&ray, &hit)));
             let Some((hit, surface)) = met.or_else(|| world.closest_visible(&ray)) else {
-                light += open * self.beyond(ray.dir, reach);
+                light += open * self.beyond(ray.dir, Reach { through: reach.through * open, ..reach });
                 break;
             };
             travelled += hit.t;
@@ -336,7 +343,7 @@ impl<'a> FinalGather<'a> {
     /// What leaves a surface towards the ray that met it. Rays that have met something before do not divide any more: a diffuse bounce and a reflection share one.
     fn leaving(&self, met: &Met<'_>, reach: Reach<'_>, n_rays: &mut u64) -> Spectrum {
         let Met { surface, shading, .. } = met;
-        let mut light = if reach.sees_emission { shading.emission } else { Spectrum::BLACK };
+        let mut light = if reach.sees_emission { reach.emitted(shading.emission) } else { Spectrum::BLACK };
         let mut stream = Stream::new(reach.key, 1, 0);
         let reflected = self.reflected(met, &reach, stream.next_2d());
         let u = stream.next_f32();
@@ -414,7 +421,7 @@ impl<'a> FinalGather<'a> {
 
     /// From where no surface is.
     fn beyond(&self, dir: Vec3, reach: Reach<'_>) -> Spectrum {
-        if reach.sees_emission { self.world.background(dir, false) } else { self.sky.sky_radiance(dir) }
+        if reach.sees_emission { reach.emitted(self.world.background(dir, false)) } else { self.sky.sky_radiance(dir) }
     }
 }
 
@@ -445,6 +452,17 @@ pub(super) fn near(mesh: &ElementMesh, pools: &Pools, irradiance: &[Spectrum]) -
         _ => pools.size() as f32 * NEAR_POOL,
     };
     (0..pools.n()).map(pool).collect()
+}
+
+/// Adds what mirrors throw to the light of cells: of a cell no more than a sixteenth of what all others bring. (Where few of them meet a bright lamp in a mirror, one more
+/// or less is a blotch; the more rays there are, the less is cut.)
+fn add_thrown(cells: &mut [Cell]) {
+    let of = |cell: &Cell| (cell.light + cell.thrown).luminance();
+    let all: f32 = cells.iter().map(of).sum();
+    for cell in cells.iter_mut().filter(|cell| !cell.thrown.is_black()) {
+        let (most, thrown) = (MOST_THROWN * (all - of(cell)), cell.thrown.luminance());
+        cell.light += cell.thrown * (if thrown > most { most / thrown } else { 1.0 });
+    }
 }
 
 /// Between the columns `k − 1` and `k`: the part of the gradient along `v_k−`, the direction across the boundary between them.
@@ -502,7 +520,12 @@ pub(super) struct Reach<'s> {
     through: Spectrum,
     /// Where elements are noted, instead of having their light counted.
     sink: Option<&'s Sink>,
+    /// Where emission seen in mirrors is summed up, instead of being returned.
+    thrown: Option<&'s Thrown>,
 }
+
+/// What mirrors throw along a ray.
+type Thrown = std::cell::Cell<Spectrum>;
 
 /// Elements at which rays ended, with the part of their irradiance that arrives.
 pub(super) type Sink = RefCell<Vec<(u32, Spectrum)>>;
@@ -511,6 +534,13 @@ impl<'s> Reach<'s> {
     /// As [`Self::first`], with elements noted in `sink`.
     pub(super) const fn noting(key: u64, bounce: Vec2, sink: &'s Sink) -> Self {
         Self { sink: Some(sink), ..Self::first(key, bounce) }
+    }
+
+    /// What is left here of emission: none where it is summed up.
+    fn emitted(&self, emission: Spectrum) -> Spectrum {
+        let Some(thrown) = self.thrown else { return emission };
+        thrown.set(thrown.get() + self.through * emission);
+        Spectrum::BLACK
     }
 
     /// It is not the first of a gather.
@@ -524,7 +554,17 @@ impl<'s> Reach<'s> {
     }
 
     pub(super) const fn first(key: u64, bounce: Vec2) -> Self {
-        Self { mirrors: 0, sees_emission: false, bounces: 0, near: 1.0, key, bounce, through: Spectrum::WHITE, sink: None }
+        Self {
+            mirrors: 0,
+            sees_emission: false,
+            bounces: 0,
+            near: 1.0,
+            key,
+            bounce,
+            through: Spectrum::WHITE,
+            sink: None,
+            thrown: None,
+        }
     }
 }
 
