@@ -154,6 +154,10 @@ pub(crate) struct Picture {
     /// How far gathers are interpolated: about the relative error allowed to the irradiance cache; 0: a gather at every camera sample
     #[arg(long, value_name = "X", default_value_t = 0.2, value_parser = parse_fraction, help_heading = "Hybrid")]
     pub(crate) cache: f32,
+
+    /// Keep what was gathered in this file (.gathers), and begin with what it holds: further views of the same scene take less
+    #[arg(long, value_name = "FILE", conflicts_with = "solution", help_heading = "Hybrid")]
+    pub(crate) gathers: Option<PathBuf>,
 }
 
 impl Picture {

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use radiosa::bsdf::Highlights;
 use radiosa::emitter::EnvironmentShadows;
+use radiosa::export::gathers;
 use radiosa::film::{self, Film, Layer, Pixel};
 use radiosa::hybrid::{self, Hybrid};
 use radiosa::math::Ray;
@@ -37,7 +38,8 @@ pub(crate) struct Choice {
 /// # Errors
 /// When options do not go with the method asked for.
 pub(crate) fn choose(picture: &Picture, stage: &Stage, time: Option<Duration>, given: &[String]) -> Result<Choice, Error> {
-    let has_links = picture.radiosity.solver == args::Solver::Hierarchical && picture.solution.is_none();
+    let is_new = picture.solution.is_none() && picture.gathers.is_none();
+    let has_links = picture.radiosity.solver == args::Solver::Hierarchical && is_new;
     if picture.overlay.contains(&args::Overlay::Links) && !has_links {
         return Err(Error::Misuse("--overlay links wants --solver hierarchical, and a solution made on the spot".into()));
     }
@@ -167,7 +169,7 @@ pub(crate) fn methods_of(option: &str) -> Option<&'static [Method]> {
         "environment-shadows" => &[Raycast, Whitted],
         "emitters" => &[Raycast, Whitted, Scanline],
         "viewer" => &[Raycast, Whitted, Scanline, Hybrid],
-        "gather" | "cache" => &[Hybrid],
+        "gather" | "cache" | "gathers" => &[Hybrid],
         "lamps" | "show" | "spread" | "ambient-term" => &[Radiosity],
         "solution" | "overlay" | "links-of" => &[Radiosity, Hybrid],
         _ if args::Radiosity::options().iter().any(|own| own == option) => &[Radiosity, Hybrid],
@@ -349,28 +351,7 @@ pub(crate) fn draw(
             let lines = overlay(stage, picture, world, &found)?;
             Ok(Drawing { done: drawing.done.min(found.done), lines, ..drawing })
         }
-        Method::Hybrid => {
-            let rings = solve::rings(&picture.radiosity, picture.solution.as_deref())?;
-            let tessellated = radiosa::radiosity::tessellated(world, rings)?;
-            let solved_in = tessellated.as_ref().unwrap_or(world);
-            let settings =
-                solve::settings_to_gather_from(&picture.radiosity, solve::TO_GATHER_FROM, picture.seed, &lighting.extra_lights);
-            let saved = picture.solution.as_deref();
-            let found = if saved.is_none() && !picture.overlay.contains(&args::Overlay::Links) {
-                solve::to_gather_from(solved_in, &settings, &watch.work, &watch.progress)?
-            } else {
-                solve::saved_or_solved(solved_in, &settings, saved, &watch.work, &watch.progress)?
-            };
-            let settings = hybrid_settings(stage, picture, lighting);
-            let is_over = || is_over(watch.start, &watch.work);
-            let mut hybrid = Hybrid::new(world, solved_in, &found.solution, &settings, view.forward(), &is_over);
-            let mut filling = hybrid::Filling::new(&mut hybrid, view, (sampling.width, sampling.height));
-            let filled = watch.run(&mut filling, world, hybrid::Filling::n_rays);
-            let n_rays = filling.n_rays();
-            let drawing = trace(&hybrid, stage, picture, lighting, sampling, watch)?;
-            let lines = overlay(stage, picture, solved_in, &found)?;
-            Ok(Drawing { done: drawing.done.min(found.done).min(filled), count: drawing.count + n_rays, lines, ..drawing })
-        }
+        Method::Hybrid => hybrid(stage, picture, lighting, sampling, watch),
         Method::Path => {
             let settings = path_settings(stage, picture, &lighting.extra_lights);
             let method = PathTracer::new(world, &settings);
@@ -383,6 +364,53 @@ pub(crate) fn draw(
             Ok(Drawing { done, count: render.n_triangles(), film: render.into_film(), lines: None, sampled: None })
         }
     }
+}
+
+/// The same by the hybrid, from what is kept of earlier views where there is any.
+///
+/// # Errors
+/// When what is kept is of other light or cannot be read or written, or solving takes too much memory.
+fn hybrid(
+    stage: &Stage,
+    picture: &Picture,
+    lighting: &Lighting,
+    sampling: film::Sampling,
+    watch: &Watch,
+) -> Result<Drawing, Error> {
+    let (world, view, saved) = (&stage.world, &stage.view, picture.solution.as_deref());
+    let rings = solve::rings(&picture.radiosity, saved)?;
+    let tessellated = radiosa::radiosity::tessellated(world, rings)?;
+    let solved_in = tessellated.as_ref().unwrap_or(world);
+    let radiosity =
+        solve::settings_to_gather_from(&picture.radiosity, solve::TO_GATHER_FROM, picture.seed, &lighting.extra_lights);
+    let settings = hybrid_settings(stage, picture, lighting);
+    let by = gathers::MadeBy { radiosity: &radiosity, hybrid: &settings };
+    let before = picture.gathers.as_deref().filter(|path| path.exists());
+    let (found, kept) = if let Some(path) = before {
+        let (solution, kept) = gathers::read(path, solved_in, by, watch.work.max_memory)?;
+        (solve::Found { solution, done: 1.0, links: None }, Some(kept))
+    } else if saved.is_none() && !picture.overlay.contains(&args::Overlay::Links) {
+        (solve::to_gather_from(solved_in, &radiosity, &watch.work, &watch.progress)?, None)
+    } else {
+        (solve::saved_or_solved(solved_in, &radiosity, saved, &watch.work, &watch.progress)?, None)
+    };
+    let is_over = || is_over(watch.start, &watch.work);
+    let mut hybrid = match kept {
+        None => Hybrid::new(world, solved_in, &found.solution, &settings, view.forward(), &is_over),
+        Some(kept) => Hybrid::again(world, solved_in, &found.solution, &settings, view.forward(), kept)
+            .ok_or_else(|| Error::failed("--gathers names a file of another mesh", "remove it, or name another file"))?,
+    };
+    let mut filling = hybrid::Filling::new(&mut hybrid, view, (sampling.width, sampling.height));
+    let filled = watch.run(&mut filling, world, hybrid::Filling::n_rays);
+    let n_rays = filling.n_rays();
+    if let Some(path) = &picture.gathers
+        && filled.min(found.done) >= 1.0
+    {
+        gathers::write(path, solved_in, by, &found.solution, &hybrid.kept())?;
+    }
+    let drawing = trace(&hybrid, stage, picture, lighting, sampling, watch)?;
+    let lines = overlay(stage, picture, solved_in, &found)?;
+    Ok(Drawing { done: drawing.done.min(found.done).min(filled), count: drawing.count + n_rays, lines, ..drawing })
 }
 
 /// The lines asked for over a picture of a solution in the world it was made in.

@@ -5,6 +5,7 @@
 
 pub mod checkpoint;
 mod container;
+pub mod gathers;
 pub mod image;
 pub mod matrix;
 pub mod mesh;

@@ -171,7 +171,7 @@ impl Saved {
 }
 
 /// Everything that decides about the result, but for when to stop.
-fn described(settings: &Settings, world: &World) -> String {
+pub(super) fn described(settings: &Settings, world: &World) -> String {
     let settings = Settings { stop: Stop::default(), ..settings.clone() };
     format!("{settings:?}, {}", world.cpu_path())
 }

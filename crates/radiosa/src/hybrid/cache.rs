@@ -29,8 +29,19 @@ struct Record {
     /// `R_i`.
     radius: f32,
     gathered: Gathered,
+    /// The part of its translational gradient that is left in it.
+    kept: f32,
     /// Of the numbers it was made by.
     shift: Shift,
+}
+
+/// What was gathered at a place, for whatever view.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Known {
+    pub(super) p: Vec3,
+    pub(super) n: Vec3,
+    pub(super) gathered: Gathered,
+    pub(super) shift: Shift,
 }
 
 /// Records, weighted.
@@ -109,21 +120,30 @@ impl Cache {
 
     /// Keeps what was gathered at a place. It reaches at least and at most so far, and not much farther than light varies.
     /// (Zero: where it is not known how wide a pixel is, nothing limits it.)
-    pub(super) fn insert(&mut self, (p, n): (Vec3, Vec3), mut gathered: Gathered, shift: Shift, [least, most]: [f32; 2]) {
+    pub(super) fn insert(&mut self, known: Known, [least, most]: [f32; 2]) {
+        let Known { p, n, mut gathered, shift } = known;
         let most = if most > 0.0 { most / self.accuracy } else { f32::INFINITY };
         let e = gathered.irradiance.luminance();
         let along = |axis: usize| Spectrum::from(gathered.translation.map(|g| g[axis])).luminance();
         let slope = Vec3::new(along(0), along(1), along(2)).length();
         let steep = if slope > 0.0 { STEEP * e / slope } else { f32::INFINITY };
         let radius = gathered.distance.min(steep).min(most).max(least / self.accuracy).min(2.0 * self.half);
-        let whole = steep / STEEP;
-        if radius > whole {
-            // Over its whole reach it may not change by more than itself.
-            gathered.translation = gathered.translation.map(|g| g * (whole / radius));
-        }
+        // Over its whole reach it may not change by more than itself.
+        let kept = (steep / STEEP / radius).min(1.0);
+        gathered.translation = gathered.translation.map(|g| g * kept);
         let index = self.records.len() as u32;
-        self.records.push(Record { p, n, radius, gathered, shift });
+        self.records.push(Record { p, n, radius, gathered, kept, shift });
         self.place(0, (self.middle, self.half), index, DEPTH);
+    }
+
+    /// What was gathered for its records, in their order.
+    pub(super) fn known(&self) -> Vec<Known> {
+        let known = |record: &Record| {
+            let Record { p, n, mut gathered, kept, shift, .. } = *record;
+            gathered.translation = gathered.translation.map(|g| g * (1.0 / kept));
+            Known { p, n, gathered, shift }
+        };
+        self.records.iter().map(known).collect()
     }
 
     fn place(&mut self, node: usize, (middle, half): (Vec3, f32), index: u32, depth: u32) {

@@ -8,6 +8,7 @@ use std::cell::RefCell;
 use rayon::prelude::*;
 
 use super::Hybrid;
+use super::cache::Known;
 use super::gather::{Gathered, Numbers, Shift};
 use crate::math::Vec3;
 use crate::raytrace::whitted::{Asked, Indirect};
@@ -44,14 +45,30 @@ pub struct Filling<'a, 'b> {
     n_rays: u64,
 }
 
+/// How many pixels a record reaches at least and at most, in a picture of some size.
+fn reach(size: (u32, u32)) -> [f32; 2] {
+    [LEAST, (MOST * size.0.max(size.1) as f32).max(LEAST)]
+}
+
+/// The root of what a pixel covers, where its longer side is so wide, by 1/cos.
+fn across(width: f32, cos: f32) -> f32 {
+    width * cos.clamp(1.0 / 16.0, 1.0).sqrt()
+}
+
 impl<'a, 'b> Filling<'a, 'b> {
-    /// Nothing is gathered yet.
+    /// Nothing is gathered yet but for what earlier views found.
     pub fn new(hybrid: &'b mut Hybrid<'a>, view: &'b View, size: (u32, u32)) -> Self {
         // Surfaces are as wide as camera samples, which are narrower where pixels have several.
         let (pixel, sample) = (view.footprint(1), hybrid.settings.whitted.footprint);
         let ratio = |of_pixel: f32, of_sample: f32| if of_sample > 0.0 { of_pixel / of_sample } else { 1.0 };
-        let pixel = ratio(pixel.growth, sample.growth).max(ratio(pixel.at_eye, sample.at_eye));
-        Self { pixel, hybrid, view, size, stride: FIRST, part: 0, n_rays: 0 }
+        let widths = ratio(pixel.growth, sample.growth).max(ratio(pixel.at_eye, sample.at_eye));
+        for known in std::mem::take(&mut hybrid.known) {
+            let way = known.p - view.eye();
+            let (distance, cos) = (way.length(), known.n.dot(way.normalize_or_zero()).abs());
+            let reach = reach(size).map(|pixels| pixels * across(pixel.width(distance, cos), cos));
+            hybrid.cache.insert(known, reach);
+        }
+        Self { pixel: widths, hybrid, view, size, stride: FIRST, part: 0, n_rays: 0 }
     }
 
     /// Rays traced so far.
@@ -94,7 +111,7 @@ impl<'a> Solver for Filling<'a, '_> {
         let found: Vec<_> = pixels.par_iter().map(asked).collect();
         self.n_rays += found.iter().map(|(_, n)| n).sum::<u64>();
         let pixel = self.pixel;
-        let most = (MOST * self.size.0.max(self.size.1) as f32).max(LEAST);
+        let [least, most] = reach(self.size);
         let wanted: Vec<Wanted> = found.into_iter().flat_map(|(wanted, _)| wanted).collect();
         for some in wanted.chunks(AT_ONCE) {
             let hybrid = &*self.hybrid;
@@ -123,8 +140,8 @@ impl<'a> Solver for Filling<'a, '_> {
             let unknown: Vec<Wanted> = unknown.into_iter().copied().collect();
             for ((w, shift), (gathered, n_rays)) in unknown.iter().zip(shifts).zip(gathered) {
                 self.n_rays += n_rays;
-                let reach = [LEAST, most].map(|pixels| pixels * pixel * w.width);
-                self.hybrid.cache.insert((w.surface.p, w.n), gathered, shift, reach);
+                let reach = [least, most].map(|pixels| pixels * pixel * w.width);
+                self.hybrid.cache.insert(Known { p: w.surface.p, n: w.n, gathered, shift }, reach);
             }
         }
         let is_last_part = self.stride == FIRST || self.part == 2;
@@ -178,8 +195,7 @@ struct Wanting<'a> {
 impl Indirect for Wanting<'_> {
     fn irradiance(&self, at: &Asked<'_>, _: &mut Stream, _: &mut u64) -> Spectrum {
         if self.hybrid.cache.irradiance(at.surface.p, at.n, 1.0).is_none() {
-            // (A surface's own width is the longer one, by 1/cos.)
-            let width = at.surface.width * at.cos.abs().clamp(1.0 / 16.0, 1.0).sqrt();
+            let width = across(at.surface.width, at.cos.abs());
             self.found.borrow_mut().push(Wanted { surface: *at.surface, n: at.n, width });
         }
         Spectrum::BLACK

@@ -14,11 +14,15 @@
 mod cache;
 mod fill;
 mod gather;
+mod kept;
 mod settle;
+
+use cache::Known;
 
 pub use cache::Cache;
 pub use fill::Filling;
 pub use gather::FinalGather;
+pub use kept::Kept;
 
 use crate::film::Pixel;
 use crate::math::{Ray, Vec3};
@@ -47,6 +51,8 @@ pub struct Hybrid<'a> {
     whitted: Whitted,
     gather: FinalGather<'a>,
     cache: Cache,
+    /// What earlier views gathered, until it is known how far that reaches in this one.
+    known: Vec<Known>,
     settings: Settings,
 }
 
@@ -62,12 +68,35 @@ impl<'a> Hybrid<'a> {
         forward: Vec3,
         is_over: &(dyn Fn() -> bool + Sync),
     ) -> Self {
-        let whitted = Whitted::with_indirect(world, &settings.whitted, forward);
-        let mut gather = FinalGather::new(solved, solution, &settings.whitted.extra_lights, settings.seed)
+        let gather = FinalGather::new(solved, solution, &settings.whitted.extra_lights, settings.seed)
             .settled(SETTLING * settings.rays, is_over);
+        Self::with(world, gather, Vec::new(), settings, forward)
+    }
+
+    /// For a further view, from what [`Self::kept`] said after one of the same light by the same settings. `None` where that is of another mesh.
+    pub fn again(
+        world: &World,
+        solved: &'a World,
+        solution: &'a Solution,
+        settings: &Settings,
+        forward: Vec3,
+        kept: Kept,
+    ) -> Option<Self> {
+        let gather =
+            FinalGather::new(solved, solution, &settings.whitted.extra_lights, settings.seed).knowing(kept.irradiance)?;
+        Some(Self::with(world, gather, kept.known, settings, forward))
+    }
+
+    fn with(world: &World, mut gather: FinalGather<'a>, known: Vec<Known>, settings: &Settings, forward: Vec3) -> Self {
+        let whitted = Whitted::with_indirect(world, &settings.whitted, forward);
         gather.nearer = NEARER;
         let cache = Cache::new(world.accel().bounds(), settings.cache);
-        Self { whitted, gather, cache, settings: settings.clone() }
+        Self { whitted, gather, cache, known, settings: settings.clone() }
+    }
+
+    /// What further views can begin with.
+    pub fn kept(&self) -> Kept {
+        Kept { irradiance: self.gather.irradiance.clone(), known: self.cache.known() }
     }
 
     /// Gathers kept.

@@ -65,6 +65,16 @@ impl FinalGather<'_> {
         self
     }
 
+    /// With irradiances, over π, that were found before. `None` where they are not as many as pools.
+    pub(super) fn knowing(mut self, irradiance: Vec<Spectrum>) -> Option<Self> {
+        if irradiance.len() != self.irradiance.len() {
+            return None;
+        }
+        self.irradiance = irradiance;
+        self.near = near(self.mesh, &self.pools, &self.irradiance);
+        Some(self)
+    }
+
     /// Finds the light of all pools by `rays` rays of each.
     fn settle(&mut self, rays: usize, is_over: &(dyn Fn() -> bool + Sync)) {
         let n = self.irradiance.len() as u32;
