@@ -145,6 +145,45 @@ panoramic = true
 }
 
 #[test]
+fn further_views_begin_with_what_others_gathered() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let at = dir.path();
+    std::fs::write(at.join("furnace.toml"), FURNACE).expect("it can be written");
+    let view = |scene: &str, seed: &str, more: &[&str]| {
+        let args = ["render", scene, "--method", "hybrid", "--size", "48x48", "--spp", "1", "--elements", "200", "--seed", seed];
+        ok(at, &[&args[..], more].concat())
+    };
+    let alone = view("cornell-box", "0", &["-o", "alone.exr"]);
+    let first = view("cornell-box", "0", &["-o", "first.exr", "--gathers", "a.gathers"]);
+    assert_eq!(alone["rays"], first["rays"]);
+    let again = view("cornell-box", "0", &["-o", "again.exr", "--gathers", "a.gathers"]);
+    let rays = |of: &Value| of["rays"].as_f64().expect("a number");
+    assert!(rays(&again) < rays(&first) / 3.0, "{again}");
+    for c in 0..3 {
+        let [a, b] = [&first, &again].map(|of| of["mean_radiance"][c].as_f64().expect("a number"));
+        assert!((a / b - 1.0).abs() < 1e-3, "{a} {b}");
+    }
+    let with = |scene: &'static str, options: &[&'static str]| {
+        let args = ["render", scene, "--method", "hybrid", "--elements", "200", "-o", "x.png", "--gathers"];
+        [&args[..], options].concat()
+    };
+    refused(at, &with("cornell-box", &["a.gathers", "--gather", "64"]), "made with other options");
+    refused(at, &with("furnace.toml", &["a.gathers"]), "it is of another scene");
+    refused(at, &with("cornell-box", &["a.radiosa"]), "the ending must be .gathers");
+    let whole = read(&at.join("a.gathers"));
+    for n in [0, 7, 11, 12, whole.len() / 2, whole.len() - 1] {
+        std::fs::write(at.join("b.gathers"), &whole[..n]).expect("it can be written");
+        refused(at, &with("cornell-box", &["b.gathers"]), "cannot read b.gathers");
+    }
+    for k in (0..whole.len()).step_by(whole.len() / 20) {
+        let mut damaged = whole.clone();
+        damaged[k] ^= 0x5A;
+        std::fs::write(at.join("b.gathers"), &damaged).expect("it can be written");
+        refused(at, &with("cornell-box", &["b.gathers"]), "cannot read b.gathers");
+    }
+}
+
+#[test]
 fn a_file_that_does_not_fit_is_refused() {
     let dir = tempfile::tempdir().expect("a folder");
     let at = dir.path();
