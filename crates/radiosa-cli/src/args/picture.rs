@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use radiosa::import::Override;
+use radiosa::raytrace::adaptive::LEVEL_LIMIT;
 
 use super::value::{Emitters, Exposure, Size, parse_color, parse_fraction, parse_noise, parse_pixel, parse_scale};
 use super::{Lamps, Overlay, Radiosity, Show};
@@ -88,6 +89,10 @@ pub(crate) struct Picture {
     /// ray tracing) [0.1 when no number is given]
     #[arg(long, value_name = "THRESHOLD", num_args = 0..=1, default_missing_value = "0.1", value_parser = parse_fraction)]
     pub(crate) adaptive: Option<f32>,
+
+    /// How often --adaptive halves a pixel: into 2^N squares a side at most
+    #[arg(long, value_name = "N", default_value_t = 4, requires = "adaptive", value_parser = clap::value_parser!(u32).range(0..=i64::from(LEVEL_LIMIT)))]
+    pub(crate) adaptive_level: u32,
 
     /// Shadow rays (scan line has none)
     #[arg(long, value_enum, default_value_t = OnOff::On)]

@@ -38,6 +38,7 @@ pub(crate) struct Choice {
 /// # Errors
 /// When options do not go with the method asked for.
 pub(crate) fn choose(picture: &Picture, stage: &Stage, time: Option<Duration>, given: &[String]) -> Result<Choice, Error> {
+    picture.gathers.as_deref().map_or(Ok(()), gathers::check_target)?;
     let is_new = picture.solution.is_none() && picture.gathers.is_none();
     let has_links = picture.radiosity.solver == args::Solver::Hierarchical && is_new;
     if picture.overlay.contains(&args::Overlay::Links) && !has_links {
@@ -164,7 +165,7 @@ pub(crate) fn methods_of(option: &str) -> Option<&'static [Method]> {
         "max-depth" | "fresnel" | "samples" => &[Whitted, Hybrid, Path],
         "min-weight" | "transparent-shadows" => &[Whitted, Hybrid],
         "phong" | "multiple-scattering" | "noise" | "resume" | "save-every" => &[Path],
-        "adaptive" => &[Raycast, Whitted, Radiosity, Hybrid],
+        "adaptive" | "adaptive-level" => &[Raycast, Whitted, Radiosity, Hybrid],
         "shadows" => &[Raycast, Whitted, Hybrid],
         "environment-shadows" => &[Raycast, Whitted],
         "emitters" => &[Raycast, Whitted, Scanline],
@@ -473,7 +474,7 @@ fn trace(
         height: sampling.height,
         threshold,
         white: white(stage, picture, lighting, watch)?,
-        max_level: 4,
+        max_level: picture.adaptive_level,
         seed: sampling.seed,
         layers: sampling.layers,
     };

@@ -11,8 +11,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
+use radiosa::export::checkpoint;
 use radiosa::export::image::{self, ExrDepth, PngDepth};
-use radiosa::export::{checkpoint, gathers};
 use radiosa::import::Warning;
 use serde_json::json;
 
@@ -46,7 +46,6 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
     for output in &args.output {
         image::check_target(output)?;
     }
-    picture.gathers.as_deref().map_or(Ok(()), gathers::check_target)?;
     if !picture.overlay.is_empty() && args.bits == args::Bits::Sixteen {
         return Err(Error::Misuse("--overlay draws into pictures of 8 bits; leave out --bits 16".into()));
     }
