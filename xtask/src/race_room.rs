@@ -125,10 +125,31 @@ impl<'a> Prepared<'a> {
     }
 
     pub(crate) fn hybrid(&self, options: &[&str], picture: &Path) -> Command {
+        self.of(&self.folder.join("room.toml"), options, picture)
+    }
+
+    fn of(&self, scene: &Path, options: &[&str], picture: &Path) -> Command {
         let mut command = Command::new(self.root.join("target/release/radiosa"));
-        command.arg("render").arg(self.folder.join("room.toml")).args(["--method", "hybrid", "--size", self.room.size]);
+        command.arg("render").arg(scene).args(["--method", "hybrid", "--size", self.room.size]);
         command.args(["--threads", "2", "--layers", "none", "-q"]).args(options).arg("-o").arg(picture);
         command
+    }
+
+    /// The same view once more from what another one has gathered, which is seen from a few steps aside.
+    pub(crate) fn further_view(&self, options: &[&str], picture: &Path) -> Result<Command> {
+        let (scene, aside) = (self.folder.join("room.toml"), self.folder.join("aside.toml"));
+        fs::write(&aside, seen_from_aside(&fs::read_to_string(scene)?)?)?;
+        let [before, kept] = ["before", "kept"].map(|name| self.folder.join(name).with_extension("gathers"));
+        if before.exists() {
+            fs::remove_file(&before)?;
+        }
+        crate::run(self.of(&aside, options, &self.folder.join("aside.exr")).arg("--gathers").arg(&before))?;
+        // (Each view adds its gathers to the file.)
+        let mut command = Command::new("sh");
+        command.args(["-c", "cp \"$1\" \"$2\" && shift 2 && exec \"$@\"", "sh"]).args([&before, &kept]);
+        let drawing = self.hybrid(options, picture);
+        command.arg(drawing.get_program()).args(drawing.get_args()).arg("--gathers").arg(&kept);
+        Ok(command)
     }
 
     /// Writes the scene for POV-Ray as well.
@@ -159,6 +180,23 @@ impl<'a> Prepared<'a> {
         measure.args([&self.reference, &self.mask]).arg(self.noise.to_string()).args((0..n).map(|k| self.picture(k)));
         said(&mut measure)?.lines().map(|line| Ok(serde_json::from_str(line)?)).collect()
     }
+}
+
+/// A scene file with its camera a fifth of the way to what it looks at to the side.
+fn seen_from_aside(scene: &str) -> Result<String> {
+    let after = |key: &str| {
+        let at = scene.find(key)? + key.len();
+        let numbers = scene[at..].split_once(']')?.0.trim_start_matches([' ', '=', '[']);
+        let numbers: Vec<f64> = numbers.split(',').map_while(|number| number.trim().parse().ok()).collect();
+        <[f64; 3]>::try_from(numbers).ok()
+    };
+    let (from, to) = after("\nposition").zip(after("\nlook_at")).context("the room has no camera")?;
+    let way = [to[0] - from[0], to[2] - from[2]];
+    let aside = [from[0] - 0.2 * way[1], from[1], from[2] + 0.2 * way[0]];
+    let written = |p: [f64; 3]| format!("\nposition = [{}, {}, {}]", p[0], p[1], p[2]);
+    let start = scene.find("\nposition").context("the room has no camera")?;
+    let end = start + 1 + scene[start + 1..].find('\n').context("the room has no camera")?;
+    Ok(format!("{}{}{}", &scene[..start], written(aside), &scene[end..]))
 }
 
 /// What a command prints.
