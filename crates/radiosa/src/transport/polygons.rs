@@ -60,10 +60,9 @@ pub(super) struct PolygonLight {
 }
 
 /// What one of them would give a receiver.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Given {
-    /// This irradiance if nothing were between, over `L_e`; `is_cut` by the horizon.
-    Free { share: f32, is_cut: bool },
+enum Given {
+    /// This irradiance if nothing were between, over `L_e`.
+    Free { share: f32, seen: Seen },
     /// Nobody knows.
     Unclear,
 }
@@ -116,7 +115,7 @@ impl PolygonLights {
         n_rays: &mut u64,
         mut take: impl FnMut(&PolygonLight, Brought, &mut u64),
     ) {
-        let mut given = [None; MOST];
+        let mut given = [const { None }; MOST];
         let mut all = 0.0;
         for (given, light) in given.iter_mut().zip(&self.all) {
             *given = light.given(receiver);
@@ -135,7 +134,7 @@ impl PolygonLights {
 impl PolygonLight {
     fn given(&self, receiver: &Receiver) -> Option<Given> {
         match self.polygon.seen_from(receiver).transpose()? {
-            Ok(seen) => Some(Given::Free { share: seen.unshadowed(), is_cut: seen.is_cut() }),
+            Ok(seen) => Some(Given::Free { share: seen.unshadowed(), seen }),
             Err(Unclear) => Some(Given::Unclear),
         }
     }
@@ -149,7 +148,8 @@ impl PolygonLight {
         (minor, care, n): (f32, Care, u32),
         n_rays: &mut u64,
     ) -> Brought {
-        let Given::Free { share, is_cut } = given else { return Brought::Partly { free: None, points: n } };
+        let Given::Free { share, seen } = given else { return Brought::Partly { free: None, points: n } };
+        let is_cut = seen.is_cut();
         let radiance = self.polygon.radiance;
         // Of one that the horizon cuts some points bring nothing anyway: shares of a few would be wrong.
         let free = (!is_cut).then_some(radiance * share);
@@ -157,8 +157,7 @@ impl PolygonLight {
             return Brought::Partly { free, points: if is_cut { n } else { 1 } };
         }
         *n_rays += 1;
-        let seen = self.polygon.seen_from(receiver);
-        match seen.ok().flatten().and_then(|seen| left(world, receiver, &seen, care.blockers(n, share))) {
+        match left(world, receiver, &seen, care.blockers(n, share)) {
             Some(share) => Brought::Exactly(radiance * share),
             None => Brought::Partly { free, points: n },
         }
