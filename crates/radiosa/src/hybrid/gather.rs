@@ -27,10 +27,12 @@ use crate::transport::{Care, Emitters, FEW_LAMPS, LightSettings, Lights, Shading
 const NEAR: [f32; 2] = [1.0, 4.0];
 /// Elements of which less than this is free of others are always looked at closely: the few points that stand for them say little.
 const KNOWN: f64 = 0.25;
-/// Cells that small elements share are no larger than for so many elements,
-const POOLS: u32 = 1000;
-/// and the distance from which such a pool is taken as a whole, in sizes of a cell.
-const NEAR_POOL: f32 = 1.0;
+/// Small elements share their light where elements are many more than wanted ([`FinalGather::POOLED`]), or than so many,
+const WANTED: u32 = 1000;
+/// in cells no larger than for so many elements;
+const CELLS: u32 = 4000;
+/// and the distance from which such a pool is taken as a whole: in roots of its area, but no more than a cell.
+const NEAR_POOL: f32 = 2.0;
 /// Mirrors in a row that a ray of a gather follows, and straight passages through what is transparent.
 const MIRRORS: u32 = 4;
 const LAYERS: u32 = 16;
@@ -427,8 +429,8 @@ impl<'a> FinalGather<'a> {
 
 /// Pools for a solution that is to be found.
 pub(super) fn pools(mesh: &ElementMesh) -> Pools {
-    let wanted = mesh.record().settings.elements.max(POOLS);
-    Pools::with(mesh, FinalGather::POOLED as usize * wanted as usize, f64::from(wanted))
+    let wanted = mesh.record().settings.elements;
+    Pools::with(mesh, FinalGather::POOLED as usize * wanted.max(WANTED) as usize, f64::from(wanted.max(CELLS)))
 }
 
 /// How near each pool may be taken as a whole: nearer where the light of its neighbours is like its own.
@@ -449,7 +451,10 @@ pub(super) fn near(mesh: &ElementMesh, pools: &Pools, irradiance: &[Spectrum]) -
     };
     let pool = |p: usize| match pools.members(p) {
         [only] => single(*only),
-        _ => pools.size() as f32 * NEAR_POOL,
+        members => {
+            let area: f64 = members.iter().map(|&i| mesh.elements()[i as usize].area).sum();
+            (NEAR_POOL * area.sqrt() as f32).min(pools.size() as f32)
+        }
     };
     (0..pools.n()).map(pool).collect()
 }
