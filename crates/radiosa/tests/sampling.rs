@@ -159,11 +159,7 @@ fn rough_reflections_of_whitteds_method_follow_their_density() {
             let draw = |s: &mut Stream| of.sample_gloss(Vec3::Z, wo, s.next_2d()).map(|(wi, _)| wi);
             let pdf = |alpha: f32| {
                 move |wi: Vec3| {
-                    let facets = |a: &Angles| match distribution {
-                        Distribution::Ggx => microfacet::sample_visible_pdf(distribution, alpha, a),
-                        Distribution::Beckmann => microfacet::d(distribution, alpha, a) * a.n_h,
-                    };
-                    let density = |a: Angles| facets(&a) / (4.0 * a.v_h);
+                    let density = |a: Angles| microfacet::d(distribution, alpha, &a) * a.n_h / (4.0 * a.v_h);
                     Angles::new(Vec3::Z, wo, wi).map_or(0.0, density)
                 }
             };

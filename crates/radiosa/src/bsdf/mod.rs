@@ -434,23 +434,11 @@ impl Bsdf {
             Self::CookTorrance(m) => (m.distribution, m.alpha),
             Self::MetallicRoughness(m) => (Distribution::Ggx, m.alpha),
         };
-        let frame = Frame::from_normal(n);
-        // By visible normals weights are no more than one; Beckmann's take longer to draw than that saves.
-        let is_visible = distribution == Distribution::Ggx && n.dot(wo) > 0.0;
-        let h = if is_visible {
-            microfacet::sample_visible(distribution, alpha, frame.to_local(wo), u)
-        } else {
-            microfacet::sample_d(distribution, alpha, u)
-        };
-        let wi = mirror::reflect(wo, frame.to_world(h));
+        let h = Frame::from_normal(n).to_world(microfacet::sample_d(distribution, alpha, u));
+        let wi = mirror::reflect(wo, h);
         let angles = microfacet::Angles::new(n, wo, wi)?;
-        let of_facets = if is_visible {
-            microfacet::sample_visible_pdf(distribution, alpha, &angles)
-        } else {
-            microfacet::d(distribution, alpha, &angles) * angles.n_h
-        };
-        // Directions are four (v·h) times as far apart as facets.
-        let pdf = of_facets / (4.0 * angles.v_h);
+        // Facets are drawn by D (n·h), directions by that over 4 (v·h).
+        let pdf = microfacet::d(distribution, alpha, &angles) * angles.n_h / (4.0 * angles.v_h);
         let weight = self.evaluate_cos(n, wo, wi).specular / pdf;
         (pdf > 0.0 && weight.is_finite()).then_some((wi, weight))
     }

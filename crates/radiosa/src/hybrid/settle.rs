@@ -33,6 +33,8 @@ const DIRECT: usize = 4;
 /// Sweeps at most, and the relative change after which there is none.
 const SWEEPS: u32 = 200;
 const CHANGE: f32 = 2e-5;
+/// What surfaces around a pool reflect at most.
+const REFLECTED: f32 = 0.99;
 
 /// What a pool receives.
 #[derive(Clone, Debug, Default)]
@@ -165,7 +167,9 @@ impl FinalGather<'_> {
             same
         });
         links.shrink_to_fit();
-        Row { constant, links }
+        let mut row = Row { constant, links };
+        row.limit();
+        row
     }
 }
 
@@ -180,6 +184,15 @@ struct Set {
 }
 
 impl Row {
+    /// No surface reflects more than it receives: what chance made more, for few rays, would grow without end from pool to pool.
+    fn limit(&mut self) {
+        let sum = self.links.iter().map(|link| link.1).sum::<Spectrum>();
+        let least = sum.map(|sum| if sum > REFLECTED { REFLECTED / sum } else { 1.0 });
+        if least != Spectrum::WHITE {
+            self.links.iter_mut().for_each(|link| link.1 = link.1 * least);
+        }
+    }
+
     /// The irradiance over π that it asks for; none where nothing is known.
     fn asks(&self, irradiance: &[Spectrum]) -> Option<Spectrum> {
         let sum = self.links.iter().map(|&(j, weight)| weight * irradiance[j as usize]).sum::<Spectrum>();
