@@ -17,10 +17,10 @@ use radiosa::transport::{Solver as _, Step, World};
 const ALLOWED: f64 = 1.05;
 
 /// Tried until both errors are small enough.
-const TOLERANCES: [f64; 9] = [0.32, 0.16, 0.08, 0.04, 0.02, 0.01, 0.005, 0.0025, 0.00125];
+const TOLERANCES: [f64; 11] = [0.32, 0.16, 0.08, 0.04, 0.02, 0.01, 0.005, 0.0025, 0.00125, 0.0006, 0.0003];
 
 /// Of links for the truth, over 4 or 16 times as many elements.
-const TRUTH: f64 = 0.0025;
+const TRUTH: f64 = 0.0005;
 
 /// Up to so many elements are divided twice for the truth.
 const FEW: u32 = 5000;
@@ -52,13 +52,19 @@ fn compare(name: &str, world: &World, size: u32) {
         let clipped = Estimator::Analytic(pair::Settings { clip: Some(1e-3), ..pair::Settings::default() });
         let other = Settings { estimator: clipped, ..settings(size, Solver::GaussSeidel) };
         let other = Truth::new(&mesh, &solve_over(world, divided(world, &mesh, levels - 1), &other));
-        println!("{name}: another truth, by a matrix over a fourth of the elements: means differ by {:.3} %", 100.0 * other.off(&truth.means)[1]);
+        println!(
+            "{name}: another truth, by a matrix over a fourth of the elements: means differ by {:.3} %",
+            100.0 * other.off(&truth.means)[1]
+        );
     }
     let matrix = solve_over(world, mesh.clone(), &settings(size, Solver::GaussSeidel));
     let of_matrix = truth.errors(&matrix);
     let print = |what: &str, n: usize, [points, means]: [f64; 2]| {
         let [points, means] = [points, means].map(|e| 100.0 * e);
-        println!("{name}, {} elements, {what}: {n} factors or links, points {points:.3} %, means {means:.3} %", mesh.elements().len());
+        println!(
+            "{name}, {} elements, {what}: {n} factors or links, points {points:.3} %, means {means:.3} %",
+            mesh.elements().len()
+        );
     };
     print("matrix", matrix.n_factors, of_matrix);
     let mut enough = [None; 2];
@@ -148,8 +154,7 @@ impl Truth {
 
 /// `√(Σ A (H − T)² / Σ A T²)` over areas, found and true irradiances.
 fn relative(of: impl Iterator<Item = (f64, f64, f64)>) -> f64 {
-    let [off, all] = of.fold([0.0; 2], |[off, all], (area, found, truth)| {
-        [off + area * (found - truth).powi(2), all + area * truth * truth]
-    });
+    let [off, all] =
+        of.fold([0.0; 2], |[off, all], (area, found, truth)| [off + area * (found - truth).powi(2), all + area * truth * truth]);
     (off / all).sqrt()
 }
