@@ -45,8 +45,11 @@ fn boxes() -> String {
     text
 }
 
-/// What each is called, the colour of its curve, and itself.
-pub(crate) fn scenes() -> Result<[(&'static str, &'static str, Scene); 3], Box<dyn std::error::Error>> {
+/// What a scene is called, the colour of its curve, and itself.
+type Named = (&'static str, &'static str, Scene);
+
+/// All three.
+pub(crate) fn scenes() -> Result<[Named; 3], Box<dyn std::error::Error>> {
     let cornell = import::sample::load("cornell-box").ok_or("it is built in")?;
     Ok([
         ("Cornell box", "#0072b2", cornell),
