@@ -1,57 +1,16 @@
 //! Links and time of hierarchical radiosity against the number of elements, on three scenes over a factor of 100: `links [OUTPUT.svg] [MOST]`.
 
+mod link_scenes;
 mod plot;
 
 use std::fmt::Write;
-use std::path::Path;
 use std::time::Instant;
 
 use plot::{Axes, Svg};
-use radiosa::import;
 use radiosa::math::CpuPath;
 use radiosa::radiosity::solve::Solver;
 use radiosa::radiosity::{Settings, hierarchical, mesh, refine, solve};
-use radiosa::scene::Scene;
 use radiosa::transport::World;
-
-/// A room with a lamp.
-const EMPTY: &str = r#"
-[material.walls]
-lambert = 0.7
-[material.lamp]
-lambert = 0.3
-emission = 10
-[[shape]]
-name = "room"
-material = "walls"
-box = { min = [0, 0, 0], max = [4, 3, 5], inward = true }
-[[shape]]
-name = "lamp"
-material = "lamp"
-quad = [[1.5, 2.9, 2], [2.5, 2.9, 2], [2.5, 2.9, 3], [1.5, 2.9, 3]]
-"#;
-
-/// The room with more in it.
-fn room(more: &str) -> Result<Scene, import::ImportError> {
-    Ok(import::load_bytes(format!("{EMPTY}{more}").as_bytes(), Path::new("room.toml"), &import::Options::default())?.0)
-}
-
-/// Boxes of all heights, in rows.
-fn boxes() -> String {
-    let mut text = String::new();
-    for k in 0..20u32 {
-        let [x, z] = [0.3 + 0.75 * f64::from(k % 5), 0.4 + 1.2 * f64::from(k / 5)];
-        let height = 0.3 + 2.1 * f64::from(k * 7 % 20) / 20.0;
-        // (A string takes everything.)
-        let _ = writeln!(
-            text,
-            "[[shape]]\nmaterial = \"walls\"\nbox = {{ min = [{x}, 0, {z}], max = [{}, {height}, {}] }}",
-            x + 0.4,
-            z + 0.5
-        );
-    }
-    text
-}
 
 /// Elements, links, seconds.
 type Run = [f64; 3];
@@ -60,14 +19,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let output = words.first().map_or("links.svg", String::as_str);
     let most: f64 = words.get(1).map_or("100000", String::as_str).parse()?;
-    let cornell = import::sample::load("cornell-box").ok_or("it is built in")?;
-    let scenes: [(&str, &str, Scene); 3] = [
-        ("Cornell box", "#0072b2", cornell),
-        ("room full of boxes", "#d55e00", room(&boxes())?),
-        ("empty room", "#009e73", room("")?),
-    ];
     let mut curves = Vec::new();
-    for (name, color, scene) in scenes {
+    for (name, color, scene) in link_scenes::scenes()? {
         let world = World::prepare(scene, CpuPath::detect())?;
         let mut runs: Vec<Run> = Vec::new();
         for k in 0..5 {

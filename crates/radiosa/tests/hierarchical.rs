@@ -109,6 +109,6 @@ fn few_links_raise_the_tolerance() {
     let world = world_of(scene_of(&room(&[], 0.7)));
     let of =
         |max_links| solve(&world, 2000, Method::Hierarchical(hierarchical::Settings { tolerance: 1e-3, max_links })).n_factors;
-    let (all, few) = (of(usize::MAX), of(50_000));
+    let (all, few) = (of(usize::MAX), of(15_000));
     assert!(few < all / 2, "{few} of {all}");
 }

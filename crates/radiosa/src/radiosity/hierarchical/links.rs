@@ -2,16 +2,16 @@
 
 use std::f64::consts::FRAC_1_PI;
 
-use super::tree::{Node, Tree};
+use super::tree::Tree;
 use crate::math::DVec3;
 use crate::radiosity::form_factor::{Factors, Scratch};
 use crate::radiosity::mesh::Element;
 
 /// Nodes whose radii sum to more than this part of their distance are not linked but divided.
-const NEAR: f64 = 0.6;
+const NEAR: f64 = 0.9;
 
-/// Halvings of a node to its samples: 16 of them, and four for an estimate of the error.
-const LEVELS: [u32; 2] = [4, 2];
+/// Halvings of a node to its samples: four of them for an estimate of the error, then 16.
+const LEVELS: [u32; 2] = [2, 4];
 
 /// Lines between two nodes.
 const LINES: usize = 16;
@@ -29,7 +29,15 @@ pub(super) struct Link {
     pub(super) error: f64,
     /// τ by channel.
     pub(super) passing: [f64; 3],
+    /// By end and by cell of its node ([`Tree::cells`]): the cell's part of what is exchanged.
+    pub(super) shares: [Shares; 2],
 }
+
+/// Parts of a whole, which sum to one.
+pub(super) type Shares = [f32; 4];
+
+/// Of a node that is a cell of its own.
+const WHOLE: Shares = [1.0, 0.0, 0.0, 0.0];
 
 /// What becomes of a pair of nodes.
 pub(super) enum Decision {
@@ -41,8 +49,14 @@ pub(super) enum Decision {
     Link(Link),
 }
 
-/// A point of a node: where, and its part of the area with its normal.
-type Sample = (DVec3, DVec3);
+/// A point of a node.
+struct Sample {
+    p: DVec3,
+    /// Its part of the node's area, times the normal.
+    area: DVec3,
+    /// Which cell of the node it is of.
+    cell: usize,
+}
 
 /// Decides about pairs of nodes.
 pub(super) struct Oracle<'a> {
@@ -92,7 +106,7 @@ impl Oracle<'_> {
         if x.children.is_none() && y.children.is_none() {
             let [i, j] = [x, y].map(|node| self.tree.element(node) as u32);
             let exchange = self.factors.exchange(i.min(j), i.max(j), &mut work.factors);
-            let link = Link { nodes: [a, b], area: exchange.area, error: 0.0, passing: exchange.passing };
+            let link = Link { nodes: [a, b], area: exchange.area, error: 0.0, passing: exchange.passing, shares: [WHOLE; 2] };
             return if link.area > 0.0 { Decision::Link(link) } else { Decision::Nothing };
         }
         if x.radius + y.radius >= NEAR * (x.centre - y.centre).length() {
@@ -104,17 +118,17 @@ impl Oracle<'_> {
     /// The same for two nodes far enough from each other for samples.
     fn link(&self, [a, b]: [u32; 2], work: &mut Work) -> Decision {
         let [x, y] = [a, b].map(|k| &self.tree.nodes[k as usize]);
-        let [fine, coarse] = LEVELS.map(|level| {
+        let [coarse, fine] = LEVELS.map(|level| {
             work.samples.iter_mut().zip([a, b]).for_each(|(samples, node)| {
                 samples.clear();
-                self.sample(node, level, samples);
+                self.sample_cells(node, level, samples);
             });
-            exchange(&work.samples, [x, y])
+            exchange(&work.samples)
         });
         // The midpoint rule errs by the square of the distance between samples, of which there are half as many a side.
         let rule = (fine.area - coarse.area) / 3.0;
         let unoccluded = (fine.area + rule).clamp(0.0, x.area.min(y.area));
-        let error = fine.spread + rule.abs();
+        let error = self.spread([a, b], &fine, &work.samples) + rule.abs();
         let [of_a, of_b] = [a, b].map(|k| self.tree.members(k));
         if self.is_too_coarse([a, b], error) {
             let are_many = of_a.len().min(of_b.len()) >= 8;
@@ -139,29 +153,66 @@ impl Oracle<'_> {
             return Decision::Divide;
         }
         let passing = self.factors.medium().transmittance((x.centre - y.centre).length());
-        Decision::Link(Link { nodes: [a, b], area: unoccluded * visible, error, passing })
+        Decision::Link(Link { nodes: [a, b], area: unoccluded * visible, error, passing, shares: fine.shares })
     }
 
-    /// Points of a node with their shares of its area: about `2^level`.
-    fn sample(&self, node: u32, level: u32, out: &mut Vec<Sample>) {
-        let of = &self.tree.nodes[node as usize];
+    /// Points of a node, cell by cell: about `2^level`.
+    fn sample_cells(&self, node: u32, level: u32, out: &mut Vec<Sample>) {
+        let Some(children) = self.tree.nodes[node as usize].children else { return self.sample(node, level, 0, out) };
+        for (k, cell) in self.tree.cells(node).into_iter().enumerate().filter(|(_, cell)| *cell != node) {
+            let depth = if children.contains(&cell) { 1 } else { 2 };
+            self.sample(cell, level - depth, k, out);
+        }
+    }
+
+    /// Points of a part of a node, which lies in one of its cells.
+    fn sample(&self, part: u32, level: u32, cell: usize, out: &mut Vec<Sample>) {
+        let of = &self.tree.nodes[part as usize];
         match of.children {
-            Some(children) if level > 0 => children.into_iter().for_each(|child| self.sample(child, level - 1, out)),
+            Some(children) if level > 0 => children.into_iter().for_each(|child| self.sample(child, level - 1, cell, out)),
             // Elements that face elsewhere than each other do not stand for each other: one of them does, by its own normal.
             Some(_) if of.vector_area.length() < 0.98 * of.area => {
-                let members = self.tree.members(node);
+                let members = self.tree.members(part);
                 let element = &self.elements()[members[members.len() / 2] as usize];
-                out.push((element.centre(), element.normal * of.area));
+                out.push(Sample { p: element.centre(), area: element.normal * of.area, cell });
             }
-            Some(_) => out.push((of.centre, of.vector_area)),
+            Some(_) => out.push(Sample { p: of.centre, area: of.vector_area, cell }),
             None => {
                 let element = &self.elements()[self.tree.element(of)];
                 let n = [level / 2, level - level / 2].map(|l| 1u32 << l);
-                let share = element.normal * (of.area / f64::from(n[0] * n[1]));
+                let area = element.normal * (of.area / f64::from(n[0] * n[1]));
                 let at = |k: u32, n: u32| (f64::from(k) + 0.5) / f64::from(n);
-                out.extend((0..n[0] * n[1]).map(|k| (element.at([at(k % n[0], n[0]), at(k / n[0], n[1])]), share)));
+                let p = |k: u32| element.at([at(k % n[0], n[0]), at(k / n[0], n[1])]);
+                out.extend((0..n[0] * n[1]).map(|k| Sample { p: p(k), area, cell }));
             }
         }
+    }
+
+    /// What is exchanged with the wrong elements, m², at most about, when each cell has its share and exchanges it evenly with all the others do.
+    ///
+    /// ```text
+    /// A_I max |F_aJ − F_cJ| + A_J max |F_bI − F_dI| + Σ |K_cd − u_c v_d Σ K|        over samples a in cells c, b in d
+    /// ```
+    fn spread(&self, nodes: [u32; 2], of: &Exchanged, samples: &[Vec<Sample>; 2]) -> f64 {
+        let [u, v] = &of.shares;
+        let product = |k: usize| f64::from(u[k / 4]) * f64::from(v[k % 4]) * of.area;
+        let crossing: f64 = (0..16).map(|k| (of.by_cells[k / 4][k % 4] - product(k)).abs()).sum();
+        let within = |end: usize| self.within_cells(nodes[end], &samples[end], &of.by_sample[end]);
+        crossing + within(0) + within(1)
+    }
+
+    /// `A_I max |F_aJ − F_cJ|` over samples *a* in cells *c*, of what each sample exchanges; within a single element all light is the same.
+    fn within_cells(&self, node: u32, samples: &[Sample], exchanged: &[f64]) -> f64 {
+        let cells = self.tree.cells(node);
+        let mut sums = [[0.0; 2]; 4];
+        for (a, k) in samples.iter().zip(exchanged) {
+            sums[a.cell][0] += k;
+            sums[a.cell][1] += a.area.length();
+        }
+        let is_divided = |a: &Sample| self.tree.nodes[cells[a.cell] as usize].children.is_some();
+        let off = |(a, k): (&Sample, &f64)| (k / a.area.length() - sums[a.cell][0] / sums[a.cell][1]).abs();
+        let most = samples.iter().zip(exchanged).filter(|(a, _)| is_divided(a)).map(off).fold(0.0, f64::max);
+        self.tree.nodes[node as usize].area * most
     }
 
     fn elements(&self) -> &[Element] {
@@ -169,36 +220,37 @@ impl Oracle<'_> {
     }
 }
 
-/// What samples of two nodes exchange, and how differently.
+/// Samples of a node at most: those of 16 parts.
+const MOST_SAMPLES: usize = 16;
+
+/// What samples of two nodes exchange, m².
 struct Exchanged {
-    /// m².
     area: f64,
-    /// `A_I max |F_aJ − F_IJ| + A_J max |F_bI − F_JI|` over samples *a* and *b*, m².
-    spread: f64,
+    by_cells: [[f64; 4]; 4],
+    /// By end: what each sample exchanges with all of the other.
+    by_sample: [[f64; MOST_SAMPLES]; 2],
+    /// As [`Link::shares`].
+    shares: [Shares; 2],
 }
 
-fn exchange([from, to]: &[Vec<Sample>; 2], [x, y]: [&Node; 2]) -> Exchanged {
-    let mut area = 0.0;
-    let mut range = [f64::INFINITY, f64::NEG_INFINITY];
-    let widen = |range: &mut [f64; 2], f: f64| *range = [range[0].min(f), range[1].max(f)];
-    let mut back = [0.0; 64];
-    for (p, na) in from {
-        let mut sum = 0.0;
-        for ((q, nb), back) in to.iter().zip(&mut back) {
-            let d = *q - *p;
+/// `K_ab = A_a A_b cos θ_a cos θ_b / (π r²)` between samples, summed up by cells c and d: `u_c = Σ_d K_cd / Σ K`, `v_d = Σ_c K_cd / Σ K`.
+fn exchange([from, to]: &[Vec<Sample>; 2]) -> Exchanged {
+    let mut by_cells = [[0.0; 4]; 4];
+    let [mut of_from, mut of_to] = [[0.0; MOST_SAMPLES]; 2];
+    for (a, sum) in from.iter().zip(&mut of_from) {
+        for (b, back) in to.iter().zip(&mut of_to) {
+            let d = b.p - a.p;
             let r2 = d.length_squared();
-            let kernel = na.dot(d).max(0.0) * (-nb.dot(d)).max(0.0) * FRAC_1_PI / (r2 * r2);
-            sum += kernel;
+            let kernel = a.area.dot(d).max(0.0) * (-b.area.dot(d)).max(0.0) * FRAC_1_PI / (r2 * r2);
+            by_cells[a.cell][b.cell] += kernel;
+            *sum += kernel;
             *back += kernel;
         }
-        area += sum;
-        widen(&mut range, sum / na.length());
     }
-    let mut range_back = [f64::INFINITY, f64::NEG_INFINITY];
-    to.iter().zip(back).for_each(|((_, nb), back)| widen(&mut range_back, back / nb.length()));
-    let off = |[low, high]: [f64; 2], of: &Node| {
-        let mean = area / of.area;
-        of.area * (high - mean).max(mean - low)
-    };
-    Exchanged { area, spread: off(range, x) + off(range_back, y) }
+    let area: f64 = by_cells.iter().flatten().sum();
+    let row = |c: usize| by_cells[c].iter().sum::<f64>();
+    let column = |d: usize| by_cells.iter().map(|row| row[d]).sum::<f64>();
+    let share = |sum: f64| if area > 0.0 { (sum / area) as f32 } else { 0.0 };
+    let shares = [std::array::from_fn(|c| share(row(c))), std::array::from_fn(|d| share(column(d)))];
+    Exchanged { area, by_cells, by_sample: [of_from, of_to], shares }
 }

@@ -4,11 +4,13 @@
 //! tree      elements in groups of groups: blocks of walls, clusters of surfaces
 //! links     pairs of nodes with Σ A_i F_ij, each pair of elements in exactly one
 //! oracle    a link is divided while  error · max(ρ_I B_J, ρ_J B_I) > tolerance · Σ A B / n
-//! sweep     pull: B of nodes are means of their parts;  gather: H_I = Σ G_IJ B_J / A_I;  push: H of parts add that of the whole
+//! sweep     pull: B of nodes are means of their parts;  gather: H_c = u_c Σ G_IJ Σ v_d B_d / A_c;  push: H of parts add that of the whole
 //! ```
 //!
-//! The error of a link is bounded from the exact kernel between samples of both nodes (by how much its largest and smallest means differ from its mean, and by how much a
-//! coarser rule differs), and from lines between them, of which some but not all are blocked. Single elements close to each other exchange what every other solver's do.
+//! A link shares what it carries among four cells of either node, `G_cd = u_c v_d G_IJ`: as the kernel between samples of both does, as far as that is a product.
+//!
+//! The error of a link is bounded from the exact kernel between samples of both nodes (by how much it differs within cells, and between cells from the product, and by
+//! how much a coarser rule differs), and from lines between them, of which some but not all are blocked. Single elements close to each other exchange what every other solver's do.
 //! Radiosities, which the oracle wants, come from coarser links before: the tolerance falls in stages (multi-gridding).
 //!
 //! What is linked is exchanged both ways alike, so that no power is made or lost, however coarse. Elements have a factor d each, and exchange `d_i G_ij d_j`: it
@@ -21,7 +23,7 @@ use std::io;
 
 use rayon::prelude::*;
 
-use self::links::{Decision, Link, Oracle, Work};
+use self::links::{Decision, Link, Oracle, Shares, Work};
 use self::tree::Tree;
 use super::form_factor::Factors;
 use super::mesh::ElementMesh;
@@ -45,7 +47,7 @@ impl Default for Settings {
 }
 
 /// Bytes a link takes while links are being found.
-pub const BYTES_A_LINK: u64 = 256;
+pub const BYTES_A_LINK: u64 = 384;
 
 /// Each stage has so many times the tolerance of the next.
 const STAGES: [f64; 3] = [16.0, 4.0, 1.0];
@@ -71,6 +73,9 @@ struct End {
     /// As [`Link::error`].
     error: f64,
     passing: [f64; 3],
+    /// By cell: shares at this end, and at the other.
+    own: Shares,
+    other: Shares,
 }
 
 /// Links so far, and which stage they are of.
@@ -78,6 +83,8 @@ struct End {
 pub struct Hierarchical {
     settings: Settings,
     tree: Tree,
+    /// By node: its cells.
+    cells: Vec<[u32; 4]>,
     /// Sorted by their nodes.
     links: Vec<Link>,
     /// Stages whose links are found.
@@ -118,9 +125,11 @@ pub(super) struct Taken {
 impl Hierarchical {
     /// No links yet.
     pub(super) fn new(settings: Settings, mesh: &ElementMesh) -> Self {
+        let tree = Tree::new(mesh.elements());
         Self {
             settings,
-            tree: Tree::new(mesh.elements()),
+            cells: (0..tree.nodes.len() as u32).map(|k| tree.cells(k)).collect(),
+            tree,
             links: Vec::new(),
             stages: 0,
             raised: 1.0,
@@ -234,10 +243,13 @@ impl Hierarchical {
     /// What each element sends out is met and arrives.
     fn sum_up(&self, system: &System, sums: &mut Sums) {
         let sent = self.pull(&self.scaled(|_| [1.0; 3]));
-        let met = self.push(&|end: &End| sent[end.node as usize].map(|d| end.area * d));
+        let met = self.push(&|end: &End| self.at_other(&sent, end).map(|d| end.area * d));
         sums.met = self.received(&met).into_iter().map(|m| m[0]).collect();
         if !system.medium.is_clear() {
-            let through = |end: &End| std::array::from_fn(|c| end.area * end.passing[c] * sent[end.node as usize][c]);
+            let through = |end: &End| {
+                let sent = self.at_other(&sent, end);
+                std::array::from_fn(|c| end.area * end.passing[c] * sent[c])
+            };
             sums.arriving = self.received(&self.push(&through));
         }
     }
@@ -251,9 +263,11 @@ impl Hierarchical {
         let mut next = starts.clone();
         let mut ends = vec![End::default(); starts[n]];
         for link in &self.links {
-            for (at, node) in [(0, 1), (1, 0)].map(|(i, j)| (link.nodes[i] as usize, link.nodes[j])) {
-                ends[next[at]] = End { node, area: link.area, error: link.error, passing: link.passing };
-                next[at] += 1;
+            for (i, j) in [(0, 1), (1, 0)] {
+                let (at, node) = (&mut next[link.nodes[i] as usize], link.nodes[j]);
+                let [own, other] = [i, j].map(|k| link.shares[k]);
+                ends[*at] = End { node, area: link.area, error: link.error, passing: link.passing, own, other };
+                *at += 1;
             }
         }
         (self.starts, self.ends) = (starts, ends);
@@ -270,8 +284,8 @@ impl Hierarchical {
             let sent = this.pull(&this.scaled(|_| [1.0; 3]));
             let passing = this.pull(&this.scaled(|i| [system.passes(i); 3]));
             let of = |end: &End| {
-                let k = end.node as usize;
-                [end.area * sent[k][0], end.area * passing[k][0], 0.0]
+                let [sent, passing] = [&sent, &passing].map(|of| this.at_other(of, end)[0]);
+                [end.area * sent, end.area * passing, 0.0]
             };
             this.received(&this.push(&of)).into_iter().map(|[sum, passes, _]| sum / (1.0 + passes)).collect()
         };
@@ -309,18 +323,36 @@ impl Hierarchical {
         means
     }
 
-    /// `Σ / A_I` over the ends of a node and of all it is a part of, by node.
+    /// The mean over the other end of a link, by its shares.
+    fn at_other(&self, means: &[[f64; 3]], end: &End) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for (share, cell) in end.other.iter().zip(&self.cells[end.node as usize]) {
+            let mean = &means[*cell as usize];
+            (0..3).for_each(|c| sum[c] += f64::from(*share) * mean[c]);
+        }
+        sum
+    }
+
+    /// `u_c Σ / A_c` over the ends of nodes a node is a cell of, and of all it is a part of, by node.
     fn push(&self, of: &(impl Fn(&End) -> [f64; 3] + Sync)) -> Vec<[f64; 3]> {
         let nodes = &self.tree.nodes;
-        let gathered = |(k, area): (usize, f64)| {
-            let mut sum = [0.0; 3];
+        let gathered = |k: usize| {
+            let mut sums = [[0.0; 3]; 4];
             for end in &self.ends[self.starts[k]..self.starts[k + 1]] {
                 let v = of(end);
-                (0..3).for_each(|c| sum[c] += v[c]);
+                for (share, sum) in end.own.iter().zip(&mut sums) {
+                    (0..3).for_each(|c| sum[c] += f64::from(*share) * v[c]);
+                }
             }
-            sum.map(|s| s / area)
+            sums
         };
-        let mut sums: Vec<[f64; 3]> = nodes.par_iter().enumerate().map(|(k, node)| gathered((k, node.area))).collect();
+        let of_cells: Vec<[[f64; 3]; 4]> = (0..nodes.len()).into_par_iter().map(gathered).collect();
+        let mut sums = vec![[0.0; 3]; nodes.len()];
+        for (gathered, cells) in of_cells.iter().zip(&self.cells) {
+            for (sum, cell) in gathered.iter().zip(cells) {
+                (0..3).for_each(|c| sums[*cell as usize][c] += sum[c] / nodes[*cell as usize].area);
+            }
+        }
         for (k, node) in nodes.iter().enumerate() {
             for child in node.children.into_iter().flatten() {
                 (0..3).for_each(|c| sums[child as usize][c] += sums[k][c]);
@@ -345,7 +377,7 @@ impl Hierarchical {
         let Unknowns { radiosity, irradiance, unshot } = unknowns;
         let b = self.pull(&self.scaled(|i| radiosity[i]));
         let arriving = self.push(&|end: &End| {
-            let b = &b[end.node as usize];
+            let b = self.at_other(&b, end);
             std::array::from_fn(|c| end.area * end.passing[c] * b[c])
         });
         for (i, gathered) in self.received(&arriving).into_iter().enumerate() {
@@ -367,6 +399,7 @@ impl Hierarchical {
         out.array(&self.links.iter().map(|link| link.nodes).collect::<Vec<_>>())?;
         let numbers = |link: &Link| [link.area, link.error, link.passing[0], link.passing[1], link.passing[2]];
         out.array(&self.links.iter().map(numbers).collect::<Vec<_>>())?;
+        out.array(&self.links.iter().map(|link| link.shares).collect::<Vec<_>>())?;
         out.array(&self.scale)?;
         out.array(&self.is_closed.iter().map(|&c| u8::from(c)).collect::<Vec<_>>())
     }
@@ -379,17 +412,25 @@ impl Hierarchical {
         let (stages, has_settled, raised) = (from.number()?, from.number()? != 0, f64::from_bits(from.number()?));
         let nodes = from.any_array::<[u32; 2]>()?;
         let numbers = from.array::<[f64; 5]>(nodes.len())?;
+        let shares = from.array::<[Shares; 2]>(nodes.len())?;
         let (scale, is_closed) = (from.any_array::<f64>()?, from.any_array::<u8>()?);
         let n = self.tree.nodes.len() as u32;
         let is_whole = [scale.len(), is_closed.len()].iter().all(|&m| m == if stages == 0 { 0 } else { system.n() });
         let is_whole = is_whole && scale.iter().all(|d| (0.0..=MOST_SCALE).contains(d));
         // (What is no number is not in the range either.)
+        let are_shares = shares.iter().flatten().flatten().all(|s| (0.0..=1.001).contains(s));
         let is_known = nodes.iter().flatten().all(|&k| k < n) && numbers.iter().flatten().all(|v| (0.0..1e300).contains(v));
-        if stages > STAGES.len() as u64 || !is_known || !is_whole || !(1.0..1e13).contains(&raised) {
+        if stages > STAGES.len() as u64 || !is_known || !is_whole || !are_shares || !(1.0..1e13).contains(&raised) {
             return Err(wrong("its links are of other elements"));
         }
-        let link = |(nodes, [area, error, r, g, b]): ([u32; 2], [f64; 5])| Link { nodes, area, error, passing: [r, g, b] };
-        self.links = nodes.into_iter().zip(numbers).map(link).collect();
+        let link = |((nodes, [area, error, r, g, b]), shares): (([u32; 2], [f64; 5]), [Shares; 2])| Link {
+            nodes,
+            area,
+            error,
+            passing: [r, g, b],
+            shares,
+        };
+        self.links = nodes.into_iter().zip(numbers).zip(shares).map(link).collect();
         (self.stages, self.has_settled, self.raised) = (stages as usize, has_settled, raised);
         (self.scale, self.is_closed) = (scale, is_closed.into_iter().map(|c| c != 0).collect());
         self.make_ends();

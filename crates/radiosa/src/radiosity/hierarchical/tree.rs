@@ -75,6 +75,21 @@ impl Tree {
         &self.members[start as usize..end as usize]
     }
 
+    /// The parts of a node among which its links share what they carry: the children of its children, a child that has none itself, or itself where it has none.
+    /// The node again where there are fewer than four.
+    pub(super) fn cells(&self, node: u32) -> [u32; 4] {
+        let mut cells = [node; 4];
+        let mut n = 0;
+        for child in self.nodes[node as usize].children.into_iter().flatten() {
+            let parts = self.nodes[child as usize].children.map_or([Some(child), None], |parts| parts.map(Some));
+            for part in parts.into_iter().flatten() {
+                cells[n] = part;
+                n += 1;
+            }
+        }
+        cells
+    }
+
     /// The nodes that have an element, the root first; none where it is in none.
     pub(super) fn path_to(&self, element: u32) -> Vec<u32> {
         let mut path = Vec::new();
