@@ -28,7 +28,7 @@ use crate::scene::{Pixels, Scene};
 use crate::stream::In;
 use crate::transport::World;
 
-const KIND: Kind = Kind { magic: b"RADIOSA\0", version: 2, name: "radiosity solution" };
+const KIND: Kind = Kind { magic: b"RADIOSA\0", version: 3, name: "radiosity solution" };
 /// What an element takes in memory, with its columns.
 pub const BYTES_AN_ELEMENT: u64 = 600;
 /// Bytes for [`open`] alone: a recipe is small, and a file that is not is none of ours.
