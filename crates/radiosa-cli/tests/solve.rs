@@ -169,7 +169,7 @@ fn further_views_begin_with_what_others_gathered() {
     };
     refused(at, &with("cornell-box", &["a.gathers", "--gather", "64"]), "made with other options");
     refused(at, &with("furnace.toml", &["a.gathers"]), "it is of another scene");
-    refused(at, &with("cornell-box", &["a.radiosa"]), "the ending must be .gathers");
+    refused(at, &with("cornell-box", &["a.radiosa"]), "the ending must be one of .gathers");
     let whole = read(&at.join("a.gathers"));
     for n in [0, 7, 11, 12, whole.len() / 2, whole.len() - 1] {
         std::fs::write(at.join("b.gathers"), &whole[..n]).expect("it can be written");

@@ -922,5 +922,5 @@ fn every_room_loads_with_light_and_cameras_inside_its_bounds() {
         }
         n += 1;
     }
-    assert_eq!(n, 7);
+    assert_eq!(n, 8);
 }
