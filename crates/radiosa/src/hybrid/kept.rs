@@ -50,7 +50,9 @@ impl Kept {
         let irradiance: Vec<f32> = from.any_array()?;
         let known: Vec<f32> = from.any_array()?;
         let whole: Vec<u32> = from.any_array()?;
-        if irradiance.len() % 3 != 0 || known.len() % FLOATS != 0 || whole.len() % WHOLE != 0 {
+        let are_whole =
+            irradiance.len().is_multiple_of(3) && known.len().is_multiple_of(FLOATS) && whole.len().is_multiple_of(WHOLE);
+        if !are_whole {
             return Err(wrong("an array has another length than it should"));
         }
         let (known, whole) = (known.chunks_exact(FLOATS), whole.chunks_exact(WHOLE));
