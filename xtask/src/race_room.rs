@@ -13,6 +13,8 @@ pub(crate) struct Room {
     pub(crate) name: &'static str,
     /// From the project's folder.
     scene: &'static str,
+    /// Where the eye is for another view, some steps aside.
+    aside: &'static str,
     /// Multiplies its light: POV-Ray's thresholds want a mean luminance of about 0.2.
     light: &'static str,
     /// Replaced in the scene.
@@ -33,6 +35,7 @@ const AT_EDGES: [&str; 4] = ["+A0.1", "+AM2", "+R2", "-J"];
 const ROOM: Room = Room {
     name: "",
     scene: "",
+    aside: "",
     light: "1",
     changes: &[],
     size: "320x240",
@@ -45,6 +48,7 @@ pub(crate) const ROOMS: [Room; 4] = [
     Room {
         name: "cornell-box",
         scene: "scenes/cornell-box.toml",
+        aside: "0.08,0.273,-0.8",
         size: "512x512",
         samples: [32, 128],
         povray: [["100", "0.5", "4"], ["600", "0.4", "9"]],
@@ -54,14 +58,15 @@ pub(crate) const ROOMS: [Room; 4] = [
     Room {
         name: "room",
         scene: "scenes/room.toml",
+        aside: "4.65,1.55,3.87",
         light: "0.002",
         // (Sides of a cone are no parallelograms.)
         changes: &["shape.\"lamp shade\".cone.top_radius=0.22"],
         antialiasing: &["-A"],
         ..ROOM
     },
-    Room { name: "living-room", scene: "scenes/rooms/living-room.toml", light: "0.002", ..ROOM },
-    Room { name: "small-house", scene: "benches/race/small-house.toml", light: "0.1", ..ROOM },
+    Room { name: "living-room", scene: "scenes/rooms/living-room.toml", aside: "2.51,2.45,-1.93", light: "0.002", ..ROOM },
+    Room { name: "small-house", scene: "benches/race/small-house.toml", aside: "-1.66,1.6,-0.88", light: "0.1", ..ROOM },
 ];
 
 /// The noise that references may have, relMSE.
@@ -125,25 +130,20 @@ impl<'a> Prepared<'a> {
     }
 
     pub(crate) fn hybrid(&self, options: &[&str], picture: &Path) -> Command {
-        self.of(&self.folder.join("room.toml"), options, picture)
-    }
-
-    fn of(&self, scene: &Path, options: &[&str], picture: &Path) -> Command {
         let mut command = Command::new(self.root.join("target/release/radiosa"));
-        command.arg("render").arg(scene).args(["--method", "hybrid", "--size", self.room.size]);
+        command.arg("render").arg(self.folder.join("room.toml")).args(["--method", "hybrid", "--size", self.room.size]);
         command.args(["--threads", "2", "--layers", "none", "-q"]).args(options).arg("-o").arg(picture);
         command
     }
 
     /// The same view once more from what another one has gathered, which is seen from a few steps aside.
     pub(crate) fn further_view(&self, options: &[&str], picture: &Path) -> Result<Command> {
-        let (scene, aside) = (self.folder.join("room.toml"), self.folder.join("aside.toml"));
-        fs::write(&aside, seen_from_aside(&fs::read_to_string(scene)?)?)?;
         let [before, kept] = ["before", "kept"].map(|name| self.folder.join(name).with_extension("gathers"));
         if before.exists() {
             fs::remove_file(&before)?;
         }
-        crate::run(self.of(&aside, options, &self.folder.join("aside.exr")).arg("--gathers").arg(&before))?;
+        let mut aside = self.hybrid(options, &self.folder.join("aside.exr"));
+        crate::run(aside.arg("--set").arg(format!("camera.main.position=[{}]", self.room.aside)).arg("--gathers").arg(&before))?;
         // (Each view adds its gathers to the file.)
         let mut command = Command::new("sh");
         command.args(["-c", "cp \"$1\" \"$2\" && shift 2 && exec \"$@\"", "sh"]).args([&before, &kept]);
@@ -180,23 +180,6 @@ impl<'a> Prepared<'a> {
         measure.args([&self.reference, &self.mask]).arg(self.noise.to_string()).args((0..n).map(|k| self.picture(k)));
         said(&mut measure)?.lines().map(|line| Ok(serde_json::from_str(line)?)).collect()
     }
-}
-
-/// A scene file with its camera a fifth of the way to what it looks at to the side.
-fn seen_from_aside(scene: &str) -> Result<String> {
-    let after = |key: &str| {
-        let at = scene.find(key)? + key.len();
-        let numbers = scene[at..].split_once(']')?.0.trim_start_matches([' ', '=', '[']);
-        let numbers: Vec<f64> = numbers.split(',').map_while(|number| number.trim().parse().ok()).collect();
-        <[f64; 3]>::try_from(numbers).ok()
-    };
-    let (from, to) = after("\nposition").zip(after("\nlook_at")).context("the room has no camera")?;
-    let way = [to[0] - from[0], to[2] - from[2]];
-    let aside = [from[0] - 0.2 * way[1], from[1], from[2] + 0.2 * way[0]];
-    let written = |p: [f64; 3]| format!("\nposition = [{}, {}, {}]", p[0], p[1], p[2]);
-    let start = scene.find("\nposition").context("the room has no camera")?;
-    let end = start + 1 + scene[start + 1..].find('\n').context("the room has no camera")?;
-    Ok(format!("{}{}{}", &scene[..start], written(aside), &scene[end..]))
 }
 
 /// What a command prints.

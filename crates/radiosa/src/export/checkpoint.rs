@@ -10,7 +10,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::container::{self, Kind, damaged, unreadable};
+use super::container::{self, Kind, damaged};
 use super::solution::fingerprint;
 use super::target::ExportError;
 use crate::raytrace::progressive::ProgressiveRender;
@@ -38,8 +38,7 @@ pub fn write<I: Integrator>(
     render: &ProgressiveRender<'_, I>,
 ) -> Result<(), ExportError> {
     container::write(path, &KIND, |out| {
-        out.array(&fingerprint(scene).to_le_bytes())?;
-        out.array(settings.as_bytes())?;
+        container::write_origin(out, fingerprint(scene), settings)?;
         render.store(out)
     })
 }
@@ -57,16 +56,11 @@ pub fn resume<I: Integrator>(
 ) -> Result<(), ExportError> {
     let mut body = container::open(path, &KIND, max_memory)?;
     let mut input = In(&mut body);
-    let start: io::Result<_> = input.array::<u8>(16).and_then(|scene| Ok((scene, container::text(&mut input)?)));
-    let (of_scene, of_settings) = start.map_err(|e| damaged(path, &e))?;
-    if of_scene != fingerprint(scene).to_le_bytes() {
-        return Err(unreadable(path, "it is of another scene, or the scene has changed since"));
-    }
-    if of_settings != settings {
-        let why =
-            "it is of a picture with other settings: only --spp, --noise, --time, --threads and --save-every may differ to go on";
-        return Err(unreadable(path, why));
-    }
+    let others = [
+        "it is of another scene, or the scene has changed since",
+        "it is of a picture with other settings: only --spp, --noise, --time, --threads and --save-every may differ to go on",
+    ];
+    container::check_origin(&mut input, path, (fingerprint(scene), settings), others)?;
     render.restore(&mut input).map_err(|e| damaged(path, &e))?;
     // The checksum stands behind the state.
     io::copy(&mut body, &mut io::sink()).map_err(|e| damaged(path, &e))?;

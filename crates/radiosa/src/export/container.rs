@@ -62,6 +62,30 @@ pub(super) fn text(input: &mut In) -> io::Result<String> {
     String::from_utf8(bytes).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))
 }
 
+/// Writes what a file is of: the hash of a scene, and the settings that decide about what is inside.
+pub(super) fn write_origin(out: &mut Out, scene: u128, settings: &str) -> io::Result<()> {
+    out.array(&scene.to_le_bytes())?;
+    out.array(settings.as_bytes())
+}
+
+/// Reads what [`write_origin`] wrote; an error that says `others` where it is of another scene, or of other settings.
+pub(super) fn check_origin(
+    input: &mut In,
+    path: &Path,
+    (scene, settings): (u128, &str),
+    others: [&str; 2],
+) -> Result<(), ExportError> {
+    let origin: io::Result<_> = input.array::<u8>(16).and_then(|scene| Ok((scene, text(input)?)));
+    let (of_scene, of_settings) = origin.map_err(|e| damaged(path, &e))?;
+    if of_scene != scene.to_le_bytes() {
+        return Err(unreadable(path, others[0]));
+    }
+    if of_settings != settings {
+        return Err(unreadable(path, others[1]));
+    }
+    Ok(())
+}
+
 /// A stream that fails, rather than ends, when there is more than was allowed.
 struct Limited<R> {
     body: R,

@@ -12,9 +12,9 @@
 use std::io;
 use std::path::Path;
 
-use super::container::{self, Kind, damaged, unreadable};
+use super::container::{self, Kind, damaged};
 use super::solution::{BYTES_AN_ELEMENT, described, fingerprint};
-use super::target::{ExportError, check_writable};
+use super::target::{ExportError, check_ending};
 use crate::hybrid::{self, Kept};
 use crate::radiosity::{Settings, Solution};
 use crate::stream::In;
@@ -27,10 +27,7 @@ const KIND: Kind = Kind { magic: b"RADGATHR", version: 1, name: "file of gathers
 /// # Errors
 /// As said.
 pub fn check_target(path: &Path) -> Result<(), ExportError> {
-    if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("gathers")) {
-        return Err(ExportError::UnknownEnding { path: path.to_path_buf(), known: &["gathers"] });
-    }
-    check_writable(path)
+    check_ending(path, &["gathers"])
 }
 
 /// By what gathers were made: how surfaces were divided and solved, and how the hybrid gathers from there.
@@ -56,8 +53,7 @@ impl MadeBy<'_> {
 /// When the file cannot be written.
 pub fn write(path: &Path, world: &World, by: MadeBy, solution: &Solution, kept: &Kept) -> Result<(), ExportError> {
     container::write(path, &KIND, |out| {
-        out.array(&fingerprint(world.scene()).to_le_bytes())?;
-        out.array(by.described(world).as_bytes())?;
+        container::write_origin(out, fingerprint(world.scene()), &by.described(world))?;
         solution.store(out)?;
         kept.store(out)
     })
@@ -70,15 +66,11 @@ pub fn write(path: &Path, world: &World, by: MadeBy, solution: &Solution, kept: 
 pub fn read(path: &Path, world: &World, by: MadeBy, max_memory: u64) -> Result<(Solution, Kept), ExportError> {
     let mut body = container::open(path, &KIND, max_memory)?;
     let mut input = In(&mut body);
-    let start: io::Result<_> = input.array::<u8>(16).and_then(|scene| Ok((scene, container::text(&mut input)?)));
-    let (of_scene, settings) = start.map_err(|e| damaged(path, &e))?;
-    if of_scene != fingerprint(world.scene()).to_le_bytes() {
-        return Err(unreadable(path, "it is of another scene, or the scene has changed since: remove it, or name another file"));
-    }
-    if settings != by.described(world) {
-        let why = "its gathers were made with other options (--gather, --cache, --seed, --cpu-path, or those of radiosity): remove it, or name another file";
-        return Err(unreadable(path, why));
-    }
+    let others = [
+        "it is of another scene, or the scene has changed since: remove it, or name another file",
+        "its gathers were made with other options (--gather, --cache, --seed, --cpu-path, or those of radiosity): remove it, or name another file",
+    ];
+    container::check_origin(&mut input, path, (fingerprint(world.scene()), &by.described(world)), others)?;
     let mut rest = || -> io::Result<(Solution, Kept)> {
         let found = (Solution::restore(world, max_memory / BYTES_AN_ELEMENT, &mut input)?, Kept::restore(&mut input)?);
         // The checksum stands at the end.

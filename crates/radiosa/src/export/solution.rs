@@ -21,7 +21,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 use super::container::{self, Kind, damaged, unreadable};
 use super::image::Recipe;
-use super::target::{ExportError, check_writable};
+use super::target::{ExportError, check_ending};
 use crate::radiosity::solve::Stop;
 use crate::radiosity::{Division, Progress, Settings, Solution};
 use crate::scene::{Pixels, Scene};
@@ -39,10 +39,7 @@ pub const HEAD: u64 = 64 << 20;
 /// # Errors
 /// As said.
 pub fn check_target(path: &Path) -> Result<(), ExportError> {
-    if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("radiosa")) {
-        return Err(ExportError::UnknownEnding { path: path.to_path_buf(), known: &["radiosa"] });
-    }
-    check_writable(path)
+    check_ending(path, &["radiosa"])
 }
 
 /// A solution, and what a solver needs to go on with it.

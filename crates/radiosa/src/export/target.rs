@@ -67,6 +67,14 @@ impl ExportError {
     }
 }
 
+/// An error when the ending of `path` is none of `known`, or no file can be put there.
+pub(super) fn check_ending(path: &Path, known: &'static [&'static str]) -> Result<(), ExportError> {
+    if !path.extension().is_some_and(|e| known.iter().any(|ending| e.eq_ignore_ascii_case(ending))) {
+        return Err(ExportError::UnknownEnding { path: path.to_path_buf(), known });
+    }
+    check_writable(path)
+}
+
 /// The folder that will hold `path`.
 fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))

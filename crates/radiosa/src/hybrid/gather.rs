@@ -451,10 +451,7 @@ pub(super) fn near(mesh: &ElementMesh, pools: &Pools, irradiance: &[Spectrum]) -
     };
     let pool = |p: usize| match pools.members(p) {
         [only] => single(*only),
-        members => {
-            let area: f64 = members.iter().map(|&i| mesh.elements()[i as usize].area).sum();
-            (NEAR_POOL * area.sqrt() as f32).min(pools.size() as f32)
-        }
+        _ => (NEAR_POOL * pools.area(p).sqrt() as f32).min(pools.size() as f32),
     };
     (0..pools.n()).map(pool).collect()
 }

@@ -83,8 +83,6 @@ struct End {
 pub struct Hierarchical {
     settings: Settings,
     tree: Tree,
-    /// By node: its cells.
-    cells: Vec<[u32; 4]>,
     /// Sorted by their nodes.
     links: Vec<Link>,
     /// Stages whose links are found.
@@ -125,11 +123,9 @@ pub(super) struct Taken {
 impl Hierarchical {
     /// No links yet.
     pub(super) fn new(settings: Settings, mesh: &ElementMesh) -> Self {
-        let tree = Tree::new(mesh.elements());
         Self {
             settings,
-            cells: (0..tree.nodes.len() as u32).map(|k| tree.cells(k)).collect(),
-            tree,
+            tree: Tree::new(mesh.elements()),
             links: Vec::new(),
             stages: 0,
             raised: 1.0,
@@ -326,8 +322,8 @@ impl Hierarchical {
     /// The mean over the other end of a link, by its shares.
     fn at_other(&self, means: &[[f64; 3]], end: &End) -> [f64; 3] {
         let mut sum = [0.0; 3];
-        for (share, cell) in end.other.iter().zip(&self.cells[end.node as usize]) {
-            let mean = &means[*cell as usize];
+        for (share, cell) in end.other.iter().zip(self.tree.cells(end.node)) {
+            let mean = &means[cell as usize];
             (0..3).for_each(|c| sum[c] += f64::from(*share) * mean[c]);
         }
         sum
@@ -348,9 +344,9 @@ impl Hierarchical {
         };
         let of_cells: Vec<[[f64; 3]; 4]> = (0..nodes.len()).into_par_iter().map(gathered).collect();
         let mut sums = vec![[0.0; 3]; nodes.len()];
-        for (gathered, cells) in of_cells.iter().zip(&self.cells) {
-            for (sum, cell) in gathered.iter().zip(cells) {
-                (0..3).for_each(|c| sums[*cell as usize][c] += sum[c] / nodes[*cell as usize].area);
+        for (gathered, node) in of_cells.iter().zip(0..) {
+            for (sum, cell) in gathered.iter().zip(self.tree.cells(node).map(|cell| cell as usize)) {
+                (0..3).for_each(|c| sums[cell][c] += sum[c] / nodes[cell].area);
             }
         }
         for (k, node) in nodes.iter().enumerate() {

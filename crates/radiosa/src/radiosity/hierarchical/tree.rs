@@ -37,6 +37,8 @@ pub(super) struct Node {
 pub(super) struct Tree {
     members: Vec<u32>,
     pub(super) nodes: Vec<Node>,
+    /// By node.
+    cells: Vec<[u32; 4]>,
 }
 
 impl Tree {
@@ -66,7 +68,8 @@ impl Tree {
             nodes[k].children = Some(children.map(|c| c as u32));
             waiting.extend(children);
         }
-        Self { members, nodes }
+        let cells = (0..nodes.len() as u32).map(|k| cells_of(&nodes, k)).collect();
+        Self { members, nodes, cells }
     }
 
     /// The elements of a node.
@@ -78,16 +81,7 @@ impl Tree {
     /// The parts of a node among which its links share what they carry: the children of its children, a child that has none itself, or itself where it has none.
     /// The node again where there are fewer than four.
     pub(super) fn cells(&self, node: u32) -> [u32; 4] {
-        let mut cells = [node; 4];
-        let mut n = 0;
-        for child in self.nodes[node as usize].children.into_iter().flatten() {
-            let parts = self.nodes[child as usize].children.map_or([Some(child), None], |parts| parts.map(Some));
-            for part in parts.into_iter().flatten() {
-                cells[n] = part;
-                n += 1;
-            }
-        }
-        cells
+        self.cells[node as usize]
     }
 
     /// The nodes that have an element, the root first; none where it is in none.
@@ -112,6 +106,20 @@ impl Tree {
     pub(super) fn element(&self, node: &Node) -> usize {
         self.members[node.members[0] as usize] as usize
     }
+}
+
+/// As [`Tree::cells`].
+fn cells_of(nodes: &[Node], node: u32) -> [u32; 4] {
+    let mut cells = [node; 4];
+    let mut n = 0;
+    for child in nodes[node as usize].children.into_iter().flatten() {
+        let parts = nodes[child as usize].children.map_or([Some(child), None], |parts| parts.map(Some));
+        for part in parts.into_iter().flatten() {
+            cells[n] = part;
+            n += 1;
+        }
+    }
+    cells
 }
 
 impl Node {

@@ -86,6 +86,11 @@ impl Pools {
         self.size
     }
 
+    /// Of all elements of a pool, m².
+    pub fn area(&self, p: usize) -> f64 {
+        self.up_to[self.starts[p + 1] as usize - 1]
+    }
+
     /// Of how many elements.
     pub fn n_elements(&self) -> usize {
         self.of.len()
