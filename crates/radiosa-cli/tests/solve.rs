@@ -157,6 +157,10 @@ fn further_views_begin_with_what_others_gathered() {
     let first = view("cornell-box", "0", &["-o", "first.exr", "--gathers", "a.gathers"]);
     assert_eq!(alone["rays"], first["rays"]);
     let again = view("cornell-box", "0", &["-o", "again.exr", "--gathers", "a.gathers"]);
+    // (What adds nothing changes nothing.)
+    let kept = read(&at.join("a.gathers"));
+    view("cornell-box", "0", &["-o", "again.exr", "--gathers", "a.gathers"]);
+    assert!(kept == read(&at.join("a.gathers")));
     let rays = |of: &Value| of["rays"].as_f64().expect("a number");
     assert!(rays(&again) < rays(&first) / 3.0, "{again}");
     for c in 0..3 {
@@ -168,6 +172,7 @@ fn further_views_begin_with_what_others_gathered() {
         [&args[..], options].concat()
     };
     refused(at, &with("cornell-box", &["a.gathers", "--gather", "64"]), "made with other options");
+    refused(at, &with("cornell-box", &["a.gathers", "--background", "1,1,1"]), "made with other options");
     refused(at, &with("furnace.toml", &["a.gathers"]), "it is of another scene");
     refused(at, &with("cornell-box", &["a.radiosa"]), "the ending must be one of .gathers");
     let whole = read(&at.join("a.gathers"));

@@ -395,6 +395,7 @@ fn hybrid(
     } else {
         (solve::saved_or_solved(solved_in, &radiosity, saved, &watch.work, &watch.progress)?, None)
     };
+    let n_before = kept.as_ref().map(hybrid::Kept::n_records);
     let is_over = || is_over(watch.start, &watch.work);
     let mut hybrid = match kept {
         None => Hybrid::new(world, solved_in, &found.solution, &settings, view.forward(), &is_over),
@@ -406,6 +407,7 @@ fn hybrid(
     let n_rays = filling.n_rays();
     if let Some(path) = &picture.gathers
         && filled.min(found.done) >= 1.0
+        && n_before != Some(hybrid.n_records())
     {
         gathers::write(path, solved_in, by, &found.solution, &hybrid.kept())?;
     }

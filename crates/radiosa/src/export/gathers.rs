@@ -20,6 +20,9 @@ use crate::radiosity::{Settings, Solution};
 use crate::stream::In;
 use crate::transport::World;
 
+/// What a gather takes in memory, in the cache and its tree.
+const BYTES_A_GATHER: u64 = 500;
+
 const KIND: Kind = Kind { magic: b"RADGATHR", version: 1, name: "file of gathers" };
 
 /// An error when the ending of `path` is another one, or no file can be put there.
@@ -43,7 +46,8 @@ impl MadeBy<'_> {
     /// Everything that decides about gathers, but for the view.
     fn described(&self, world: &World) -> String {
         let hybrid::Settings { rays, cache, seed, .. } = self.hybrid;
-        format!("{}, {rays} {cache} {seed}", described(self.radiosity, world))
+        // (Mirrors show the background to gathers; solutions do not know it.)
+        format!("{}, {rays} {cache} {seed} {:?}", described(self.radiosity, world), world.scene().background)
     }
 }
 
@@ -68,11 +72,14 @@ pub fn read(path: &Path, world: &World, by: MadeBy, max_memory: u64) -> Result<(
     let mut input = In(&mut body);
     let others = [
         "it is of another scene, or the scene has changed since: remove it, or name another file",
-        "its gathers were made with other options (--gather, --cache, --seed, --cpu-path, or those of radiosity): remove it, or name another file",
+        "its gathers were made with other options (--gather, --cache, --seed, --cpu-path, --background, or those of radiosity): remove it, or name another file",
     ];
     container::check_origin(&mut input, path, (fingerprint(world.scene()), &by.described(world)), others)?;
     let mut rest = || -> io::Result<(Solution, Kept)> {
-        let found = (Solution::restore(world, max_memory / BYTES_AN_ELEMENT, &mut input)?, Kept::restore(&mut input)?);
+        let found = (
+            Solution::restore(world, max_memory / BYTES_AN_ELEMENT, &mut input)?,
+            Kept::restore(max_memory / BYTES_A_GATHER, &mut input)?,
+        );
         // The checksum stands at the end.
         io::copy(&mut input.0, &mut io::sink())?;
         Ok(found)

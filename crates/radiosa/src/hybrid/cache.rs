@@ -140,7 +140,7 @@ impl Cache {
     pub(super) fn known(&self) -> Vec<Known> {
         let known = |record: &Record| {
             let Record { p, n, mut gathered, kept, shift, .. } = *record;
-            gathered.translation = gathered.translation.map(|g| g * (1.0 / kept));
+            gathered.translation = gathered.translation.map(|g| if kept > 0.0 { g * (1.0 / kept) } else { g });
             Known { p, n, gathered, shift }
         };
         self.records.iter().map(known).collect()

@@ -62,7 +62,7 @@ pub struct FinalGather<'a> {
     /// Mean irradiance over each pool, over π. (Constant over elements, as the solver has it: the mean of all is then the solver's.)
     pub(super) irradiance: Vec<Spectrum>,
     /// The mean reflectance of each element.
-    reflectance: Vec<Spectrum>,
+    pub(super) reflectance: Vec<Spectrum>,
     /// How near each pool may be taken as a whole, metres.
     pub(super) near: Vec<f32>,
     /// How much nearer elements have to be with every bounce, to be looked at closely: 1 is as near.

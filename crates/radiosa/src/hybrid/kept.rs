@@ -42,11 +42,11 @@ impl Kept {
         out.array(&self.known.iter().flat_map(whole).collect::<Vec<u32>>())
     }
 
-    /// Reads what [`Self::store`] wrote.
+    /// Reads what [`Self::store`] wrote, not more than `most` gathers.
     ///
     /// # Errors
-    /// When the stream ends, or holds something else.
-    pub fn restore(from: &mut In) -> io::Result<Self> {
+    /// When the stream ends, or holds something else or too much.
+    pub fn restore(most: u64, from: &mut In) -> io::Result<Self> {
         let irradiance: Vec<f32> = from.any_array()?;
         let known: Vec<f32> = from.any_array()?;
         let whole: Vec<u32> = from.any_array()?;
@@ -58,6 +58,9 @@ impl Kept {
         let (known, whole) = (known.chunks_exact(FLOATS), whole.chunks_exact(WHOLE));
         if known.len() != whole.len() {
             return Err(wrong("its gathers are not as many as their rays"));
+        }
+        if known.len() as u64 > most {
+            return Err(wrong("it holds more gathers than --max-memory allows"));
         }
         let is_sound = |e: &[f32]| e.iter().all(|e| e.is_finite());
         // (Where nothing is around the mean distance is infinite.)

@@ -33,8 +33,8 @@ const DIRECT: usize = 4;
 /// Sweeps at most, and the relative change after which there is none.
 const SWEEPS: u32 = 200;
 const CHANGE: f32 = 2e-5;
-/// What surfaces around a pool reflect at most.
-const REFLECTED: f32 = 0.99;
+/// What a row may pass on: as much as the brightest surface reflects, within these limits.
+const REFLECTED: [f32; 2] = [0.99, 0.9999];
 
 /// What a pool receives.
 #[derive(Clone, Debug, Default)]
@@ -80,7 +80,8 @@ impl FinalGather<'_> {
     /// Finds the light of all pools by `rays` rays of each.
     fn settle(&mut self, rays: usize, is_over: &(dyn Fn() -> bool + Sync)) {
         let n = self.irradiance.len() as u32;
-        let row = |i| if is_over() { Row::default() } else { self.row(i, rays) };
+        let most = self.reflectance.iter().map(|rho| rho.max_channel()).fold(REFLECTED[0], f32::max).min(REFLECTED[1]);
+        let row = |i| if is_over() { Row::default() } else { self.row(i, rays).limited(most) };
         let rows: Vec<Row> = (0..n).into_par_iter().map(row).collect();
         for _ in 0..SWEEPS {
             let mut change = 0.0f32;
@@ -167,9 +168,7 @@ impl FinalGather<'_> {
             same
         });
         links.shrink_to_fit();
-        let mut row = Row { constant, links };
-        row.limit();
-        row
+        Row { constant, links }
     }
 }
 
@@ -185,12 +184,13 @@ struct Set {
 
 impl Row {
     /// No surface reflects more than it receives: what chance made more, for few rays, would grow without end from pool to pool.
-    fn limit(&mut self) {
+    fn limited(mut self, most: f32) -> Self {
         let sum = self.links.iter().map(|link| link.1).sum::<Spectrum>();
-        let least = sum.map(|sum| if sum > REFLECTED { REFLECTED / sum } else { 1.0 });
-        if least != Spectrum::WHITE {
-            self.links.iter_mut().for_each(|link| link.1 = link.1 * least);
+        let left = sum.map(|sum| if sum > most { most / sum } else { 1.0 });
+        if left != Spectrum::WHITE {
+            self.links.iter_mut().for_each(|link| link.1 = link.1 * left);
         }
+        self
     }
 
     /// The irradiance over π that it asks for; none where nothing is known.
