@@ -46,7 +46,8 @@ fn misuse_ends_with_2_and_names_the_nearest_option() {
     assert!(text(&output.stderr).contains("raycast"));
     let (_dir, output) = in_folder(&[]);
     assert!(output.status.code() == Some(2) && text(&output.stderr).starts_with("One engine for light"));
-    for args in [&["sheet", "room"][..], &["sheet", "room", "--rows", "spp"], &["measure", "room"]] {
+    let gathers = &["sheet", "room", "-m", "hybrid", "--rows", "spp=1,2", "--gathers", "a.gathers"];
+    for args in [&["sheet", "room"][..], &["sheet", "room", "--rows", "spp"], gathers, &["measure", "room"]] {
         let (_dir, output) = in_folder(args);
         assert_eq!((output.status.code(), text(&output.stderr).matches("error:").count()), (Some(2), 1), "{args:?}");
     }

@@ -86,6 +86,10 @@ fn sheet(args: &Sheet, json: bool) -> Result<ExitCode, Error> {
     let start = Instant::now();
     let mut plan = plan_sheet(args)?;
     check_output(&plan.output)?;
+    if plan.cells.iter().any(|cell| cell.picture.gathers.is_some()) {
+        let why = "--gathers is not for sheets: their cells differ in what they are made by; leave it out";
+        return Err(Error::Misuse(why.to_owned()));
+    }
     let work = &args.work;
     let mut warnings = Vec::new();
     let size = cell_size(&plan.cells[0], work, &mut warnings)?;

@@ -140,16 +140,15 @@ impl<'a> Seen<'a> {
                 (p + wi * distance, normal, wi, distance, solid_angle / pdf)
             }
             (How::Sphere { to_centre, distance2, radius, one_minus_cos }, _) => {
-                let local = {
-                    let down = u.x * one_minus_cos;
-                    let r = (down * (2.0 - down)).max(0.0).sqrt();
-                    let phi = TAU * u.y;
-                    Vec3::new(r * function::cos(phi), r * function::sin(phi), 1.0 - down)
-                };
+                // By 1 − cosα of the angle to the axis.
+                let down = u.x * one_minus_cos;
+                let sin2 = (down * (2.0 - down)).max(0.0);
+                let (r, phi) = (sin2.sqrt(), TAU * u.y);
+                let local = Vec3::new(r * function::cos(phi), r * function::sin(phi), 1.0 - down);
                 let wi = Frame::from_normal(to_centre.normalize_or_zero()).to_world(local);
-                // The nearer end of the chord; at the rim rounding may leave none.
-                let along = to_centre.dot(wi);
-                let distance = along - (along * along - (distance2 - radius * radius)).max(0.0).sqrt();
+                // The nearer end of the chord, d cosα − √(r² − d² sin²α), where nothing large cancels; at the rim rounding may leave none.
+                let half_chord2 = (radius * radius - distance2 * sin2).max(0.0);
+                let distance = distance2.sqrt() * (1.0 - down) - half_chord2.sqrt();
                 let position = p + wi * distance;
                 let normal = (wi * distance - *to_centre).normalize_or_zero();
                 (position, normal, wi, distance, TAU * one_minus_cos)
@@ -162,8 +161,8 @@ impl<'a> Seen<'a> {
                 (position, normal, wi, distance, self.share_by_area(normal, area, wi, distance)?)
             }
         };
-        // A few roundings lead from the surface's vertices to the point; the ray's end stays clear of them.
-        let clear = normal * (position.abs().max_element() * gamma(16));
+        // A few roundings lead to the point from the surface's vertices or along the direction; the ray's end stays clear of them.
+        let clear = normal * (position.abs().max_element().max(distance) * gamma(16));
         let target = if normal.dot(wi) < 0.0 { position + clear } else { position - clear };
         share.is_finite().then_some(Drawn { position, target, wi, distance, share })
     }
@@ -446,5 +445,27 @@ mod tests {
         assert!(Seen::new(&surface(triangle, false), Vec3::ZERO, Vec3::Z).is_none());
         assert!(Seen::new(&surface(triangle, true), Vec3::ZERO, Vec3::Z).is_some());
         assert!(Seen::new(&surface(triangle, false), Vec3::Z * 2.0, Vec3::NEG_Z).is_some());
+    }
+
+    /// Whether a ray from `p` to a point ends before it meets a ball around the origin.
+    fn is_free(p: Vec3, target: Vec3, radius: f64) -> bool {
+        let (o, d) = (p.as_dvec3(), (target - p).as_dvec3());
+        let (a, b) = (d.length_squared(), o.dot(d));
+        let rest = radius * radius - (o - d * (b / a)).length_squared();
+        rest < 0.0 || (-b - (a * rest).sqrt()) / a >= 1.0
+    }
+
+    #[test]
+    fn a_ball_does_not_hide_its_own_points() {
+        let radius = 0.9f32;
+        let ball = surface(EmissiveShape::Sphere(Affine3A::from_scale(Vec3::splat(radius))), false);
+        for p in [Vec3::new(0.3, -4.2, 0.7), Vec3::new(-40.0, 3.0, 11.0), Vec3::new(0.2, 0.95, 0.1)] {
+            let seen = Seen::new(&ball, p, -p.normalize()).expect("it shines there");
+            let drawn = (0..20_000).filter_map(|i| seen.draw(p, sequence::point_2d(i, 7))).collect::<Vec<_>>();
+            let hidden = |of: fn(&Drawn) -> Vec3| drawn.iter().filter(|d| !is_free(p, of(d), f64::from(radius))).count();
+            assert_eq!(hidden(|d| d.target), 0, "from {p}");
+            // The twin's rays end on the ball itself.
+            assert!(hidden(|d| d.position) > 1000, "from {p}");
+        }
     }
 }

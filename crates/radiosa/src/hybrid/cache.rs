@@ -29,7 +29,7 @@ struct Record {
     /// `R_i`.
     radius: f32,
     gathered: Gathered,
-    /// The part of its translational gradient that is left in it.
+    /// The part of its translational gradient that counts.
     kept: f32,
     /// Of the numbers it was made by.
     shift: Shift,
@@ -61,10 +61,11 @@ impl Sum {
     #[inline(always)]
     fn add(&mut self, record: &Record, way: Vec3, turn: Vec3, weight: f32) {
         let Gathered { irradiance, translation, rotation, .. } = &record.gathered;
+        let kept = weight * record.kept;
         self.weight += weight;
         self.turned += (*irradiance + Spectrum::from(rotation.map(|g| g.dot(turn)))) * weight;
-        self.moved += Spectrum::from(translation.map(|g| g.dot(way))) * weight;
-        self.gradient.iter_mut().zip(translation).for_each(|(sum, g)| *sum += *g * weight);
+        self.moved += Spectrum::from(translation.map(|g| g.dot(way))) * kept;
+        self.gradient.iter_mut().zip(translation).for_each(|(sum, g)| *sum += *g * kept);
         self.way += way * weight;
     }
 
@@ -121,7 +122,7 @@ impl Cache {
     /// Keeps what was gathered at a place. It reaches at least and at most so far, and not much farther than light varies.
     /// (Zero: where it is not known how wide a pixel is, nothing limits it.)
     pub(super) fn insert(&mut self, known: Known, [least, most]: [f32; 2]) {
-        let Known { p, n, mut gathered, shift } = known;
+        let Known { p, n, gathered, shift } = known;
         let most = if most > 0.0 { most / self.accuracy } else { f32::INFINITY };
         let e = gathered.irradiance.luminance();
         let along = |axis: usize| Spectrum::from(gathered.translation.map(|g| g[axis])).luminance();
@@ -130,7 +131,6 @@ impl Cache {
         let radius = gathered.distance.min(steep).min(most).max(least / self.accuracy).min(2.0 * self.half);
         // Over its whole reach it may not change by more than itself.
         let kept = (steep / STEEP / radius).min(1.0);
-        gathered.translation = gathered.translation.map(|g| g * kept);
         let index = self.records.len() as u32;
         self.records.push(Record { p, n, radius, gathered, kept, shift });
         self.place(0, (self.middle, self.half), index, DEPTH);
@@ -138,12 +138,7 @@ impl Cache {
 
     /// What was gathered for its records, in their order.
     pub(super) fn known(&self) -> Vec<Known> {
-        let known = |record: &Record| {
-            let Record { p, n, mut gathered, kept, shift, .. } = *record;
-            gathered.translation = gathered.translation.map(|g| if kept > 0.0 { g * (1.0 / kept) } else { g });
-            Known { p, n, gathered, shift }
-        };
-        self.records.iter().map(known).collect()
+        self.records.iter().map(|&Record { p, n, gathered, shift, .. }| Known { p, n, gathered, shift }).collect()
     }
 
     fn place(&mut self, node: usize, (middle, half): (Vec3, f32), index: u32, depth: u32) {

@@ -69,6 +69,10 @@ impl Kept {
         {
             return Err(wrong("its light is not finite"));
         }
+        let is_unit = |n: &[f32]| (Vec3::from_slice(n).length_squared() - 1.0).abs() < 1e-3;
+        if irradiance.iter().any(|e| *e < 0.0) || !known.clone().all(|k| is_unit(&k[3..6]) && k[6..9].iter().all(|e| *e >= 0.0)) {
+            return Err(wrong("it holds negative light, or normals that are not of unit length"));
+        }
         let irradiance = irradiance.chunks_exact(3).map(|e| Spectrum::new(e[0], e[1], e[2])).collect();
         Ok(Self { irradiance, known: known.zip(whole).map(|(f, w)| of(f, w)).collect() })
     }

@@ -23,11 +23,13 @@ use crate::transport::media::Media;
 
 /// Pools at most.
 const MOST: usize = 1 << 18;
-/// Rays of all elements, about, and of one at least and at most.
+/// Rays of all elements, about, of one at least and at most, and for its first look.
 const BUDGET: usize = 1 << 21;
-const RAYS: [usize; 2] = [64, 1024];
-/// Places on an element from which they start, at most.
+const RAYS: [usize; 2] = [32, 1024];
+const FIRST: usize = 16;
+/// Places on an element from which they start at most, and how many rays of each there are at least.
 const PLACES: usize = 16;
+const OF_PLACE: usize = 4;
 /// Of the rays, one in so many is also a point of emissive surfaces.
 const DIRECT: usize = 4;
 /// Sweeps at most, and the relative change after which there is none.
@@ -51,7 +53,7 @@ impl FinalGather<'_> {
         mesh.elements().len() <= MOST || pools(mesh).n() <= MOST
     }
 
-    /// Gathers again onto the elements, or pools of them, with `rays` rays of each, about, and about two million in all, as far as 64 of each allow. Beyond 2¹⁸ pools the solution
+    /// Gathers again onto the elements, or pools of them, with `rays` rays of each, about, and about two million in all, as far as 32 of each allow. Beyond 2¹⁸ pools the solution
     /// stays as it is. Where `is_over` says so it ends at once, with light that is of no use.
     pub fn settled(mut self, rays: u32, is_over: &(dyn Fn() -> bool + Sync)) -> Self {
         let n = self.irradiance.len();
@@ -60,7 +62,7 @@ impl FinalGather<'_> {
         }
         if self.irradiance.iter().all(|e| e.is_black()) {
             // Nothing is solved: a first look, to know how near elements may be taken as a whole.
-            self.settle(RAYS[0], is_over);
+            self.settle(FIRST, is_over);
             self.near = near(self.mesh, &self.pools, &self.irradiance);
         }
         self.settle((BUDGET / n).min(rays as usize).clamp(RAYS[0], RAYS[1]), is_over);
@@ -97,33 +99,34 @@ impl FinalGather<'_> {
         }
     }
 
-    /// Places on a pool from which rays go out: an element, and which of its points.
-    fn places(&self, p: usize, key: u64) -> Vec<(u32, u32)> {
+    /// About `n` places on a pool from which rays go out: an element, and which of its points.
+    fn places(&self, p: usize, n: usize, key: u64) -> Vec<(u32, u32)> {
         let elements = self.mesh.elements();
         let is_exposed = |i: u32, k: u32| elements[i as usize].exposes(k as usize);
         let is_sound = |i: u32| elements[i as usize].normal.is_finite() && elements[i as usize].area > 0.0;
         if let [only] = self.pools.members(p) {
             let exposed = (0..POINTS as u32).filter(|&k| is_sound(*only) && is_exposed(*only, k));
-            return exposed.take(PLACES).map(|k| (*only, k)).collect();
+            return exposed.take(n).map(|k| (*only, k)).collect();
         }
         // One in each of equal parts of its area.
         let place = |place: u32| {
             let fraction =
-                (f64::from(place) + f64::from(rng::unit_f32((rng::nth(key, u64::from(place)) >> 32) as u32))) / PLACES as f64;
+                (f64::from(place) + f64::from(rng::unit_f32((rng::nth(key, u64::from(place)) >> 32) as u32))) / n as f64;
             let (i, _) = self.pools.at(p, fraction);
             let k = (0..POINTS as u32).map(|k| (k + place) % POINTS as u32).find(|&k| is_sound(i) && is_exposed(i, k))?;
             Some((i, k))
         };
-        (0..PLACES as u32).filter_map(place).collect()
+        (0..n as u32).filter_map(place).collect()
     }
 
     /// What rays from all over a pool bring: from each of some points two sets of rays, each weighed by how much of the other one went far.
     fn row(&self, p: u32, rays: usize) -> Row {
         let key = rng::key(&[self.seed, u64::from(p), 0x7365_7474_6C65]);
         let near = self.near[p as usize];
-        let of_set = (rays / (2 * PLACES)).max(2) as u32;
-        let n_points = (rays / (DIRECT * PLACES)).max(1) as u32;
-        let places = self.places(p as usize, key);
+        let n_places = (rays / OF_PLACE).clamp(1, PLACES);
+        let of_set = (rays / (2 * n_places)).max(1) as u32;
+        let n_points = (rays / (DIRECT * n_places)).max(1) as u32;
+        let places = self.places(p as usize, n_places, key);
         let (mut sets, mut n_rays) = (Vec::with_capacity(2 * places.len()), 0);
         for (place, (i, k)) in (0..).zip(places) {
             let element = &self.mesh.elements()[i as usize];

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::direct::DirectLight;
 use super::groups::Groups;
-use super::mesh::{self, ElementMesh};
+use super::mesh::{self, Element, ElementMesh};
 use crate::accel::Hit;
 use crate::math::{Frame, Ray, Vec3};
 use crate::sampling::{rng, sequence, warp};
@@ -40,12 +40,12 @@ pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight) -
     if elements.len() > MOST {
         return vec![!0; elements.len()];
     }
-    let points = Points::new(world, mesh);
-    let mut groups = Groups::new(n);
     let large = SMALL * elements.iter().map(|e| e.whole_area).sum::<f64>() / elements.len() as f64;
+    let is_small = |element: &Element| elements.len() > MANY && element.whole_area <= large;
+    let points = Points::new(world, mesh, |element| !is_small(element));
+    let mut groups = Groups::new(n);
     for (e, element) in elements.iter().enumerate() {
-        let is_small = elements.len() > MANY && element.whole_area <= large;
-        if is_small || mesh.patches()[element.patch as usize].emits(world, element.side) {
+        if is_small(element) || mesh.patches()[element.patch as usize].emits(world, element.side) {
             (e * POINTS..(e + 1) * POINTS).for_each(|node| groups.light(node));
         }
     }
@@ -54,10 +54,10 @@ pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight) -
             groups.light(node);
         }
     }
-    for rays in RAYS {
+    for (round, rays) in RAYS.into_iter().enumerate() {
         groups.look(|node| {
             let (e, k) = (node / POINTS, node % POINTS);
-            let (element, from) = (&elements[e], points.starts[node]);
+            let (element, from) = (&elements[e], points.start(world, mesh, node));
             if mesh.is_replaced(element, element.at(mesh::point(e as u32, k as u32))) {
                 return (Vec::new(), false);
             }
@@ -65,14 +65,16 @@ pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight) -
             let (mut met, mut is_lit) = (Vec::with_capacity(rays.len()), false);
             for dir in directions(normal, rays.clone(), rng::key(&[node as u64, 0x6578_706F])) {
                 is_lit |= points.seen(world, mesh, from, dir, |other| {
-                    let to = points.starts[other];
+                    let to = points.start(world, mesh, other);
                     let faces = elements[other / POINTS].normal.as_vec3().dot(from - to) > 0.0 && normal.dot(to - from) > 0.0;
                     if faces && is_free(world, from, to) {
                         met.push(other as u32);
                     }
                 });
             }
-            (met, is_lit || direct.reaches(&point_of(world, mesh, e, k).0, normal))
+            // (Most are known to be lit by what they see.)
+            is_lit |= round > 0 && direct.reaches(&point_of(world, mesh, e, k).0, normal);
+            (met, is_lit)
         });
     }
     let is_exposed: Vec<bool> = (0..n).map(|node| groups.is_lit(node)).collect();
@@ -84,7 +86,12 @@ pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight) -
         if first.count_ones() == POINTS as u32 {
             return !0;
         }
-        // A contact line crosses it: the other points, exposed when they see one that is.
+        // A contact line crosses it: the other points, exposed when they see one that is; among many elements, when that of their stratum is.
+        if elements.len() > MANY {
+            let strata = of_strata(e);
+            let is_so = |k: &usize| first >> strata[stratum(mesh::point(e as u32, *k as u32))] & 1 == 1;
+            return (POINTS..mesh::POINTS).filter(is_so).map(|k| 1u64 << k).fold(first, |bits, bit| bits | bit);
+        }
         let sees = |k: &usize| sees_exposed(world, mesh, (e, *k), (&points, &is_exposed), direct);
         (POINTS..mesh::POINTS).filter(sees).map(|k| 1u64 << k).fold(first, |bits, bit| bits | bit)
     };
@@ -107,8 +114,9 @@ fn sees_exposed(
     let mut directions = directions(normal, 0..2 * RAYS[1].end, rng::key(&[e as u64, k as u64, 0x6D6F_7265]));
     let sees = directions.any(|dir| {
         let mut sees = false;
-        sees |=
-            points.seen(world, mesh, from, dir, |other| sees |= is_exposed[other] && is_free(world, from, points.starts[other]));
+        sees |= points.seen(world, mesh, from, dir, |other| {
+            sees |= is_exposed[other] && is_free(world, from, points.start(world, mesh, other))
+        });
         sees
     });
     sees || direct.reaches(&surface, normal)
@@ -128,27 +136,33 @@ fn directions(normal: Vec3, rays: Range<u32>, key: u64) -> impl Iterator<Item = 
     rays.map(move |i| frame.to_world(warp::cosine_hemisphere(sequence::point_2d(i, key))))
 }
 
-/// The points of all elements.
+/// The points of all elements; those of some, for which few ask, are found each time.
 struct Points {
+    /// By element: which of those below are its own; `u32::MAX` of none.
+    places: Vec<u32>,
     /// Where rays leave them.
-    starts: Vec<Vec3>,
-    /// By element and stratum: its point there.
+    starts: Vec<[Vec3; POINTS]>,
+    /// By stratum: the point there.
     of_strata: Vec<[u8; POINTS]>,
 }
 
 impl Points {
-    fn new(world: &World, mesh: &ElementMesh) -> Self {
-        let n = mesh.elements().len();
-        let start = |node: usize| point_of(world, mesh, node / POINTS, node % POINTS).1;
-        let of_strata = |e: usize| {
-            let mut points = [0; POINTS];
-            (0..POINTS).for_each(|k| points[stratum(mesh::point(e as u32, k as u32))] = k as u8);
-            points
-        };
+    fn new(world: &World, mesh: &ElementMesh, is_asked: impl Fn(&Element) -> bool) -> Self {
+        let asked: Vec<usize> = (0..mesh.elements().len()).filter(|&e| is_asked(&mesh.elements()[e])).collect();
+        let mut places = vec![u32::MAX; mesh.elements().len()];
+        asked.iter().zip(0..).for_each(|(&e, place)| places[e] = place);
+        let starts = |&e: &usize| std::array::from_fn(|k| point_of(world, mesh, e, k).1);
         Self {
-            starts: (0..n * POINTS).into_par_iter().map(start).collect(),
-            of_strata: (0..n).into_par_iter().map(of_strata).collect(),
+            places,
+            starts: asked.par_iter().map(starts).collect(),
+            of_strata: asked.par_iter().map(|&e| of_strata(e)).collect(),
         }
+    }
+
+    /// Where rays leave a point.
+    fn start(&self, world: &World, mesh: &ElementMesh, node: usize) -> Vec3 {
+        let (e, k) = (node / POINTS, node % POINTS);
+        self.starts.get(self.places[e] as usize).map_or_else(|| point_of(world, mesh, e, k).1, |starts| starts[k])
     }
 
     /// What a ray meets, also behind what is transparent: the nearest points of elements; and whether it leaves the scene.
@@ -164,8 +178,17 @@ impl Points {
     fn node_at(&self, mesh: &ElementMesh, hit: &Hit, p: Vec3, dir: Vec3) -> Option<usize> {
         let (element, w) = mesh.weights_at(hit, p, dir)?;
         let here = stratum(mesh.elements()[element as usize].square_of(w).map(f64::from));
-        Some(element as usize * POINTS + usize::from(self.of_strata[element as usize][here]))
+        let place = self.places[element as usize] as usize;
+        let k = self.of_strata.get(place).map_or_else(|| of_strata(element as usize)[here], |points| points[here]);
+        Some(element as usize * POINTS + usize::from(k))
     }
+}
+
+/// By stratum: the point of an element that lies there.
+fn of_strata(element: usize) -> [u8; POINTS] {
+    let mut points = [0; POINTS];
+    (0..POINTS).for_each(|k| points[stratum(mesh::point(element as u32, k as u32))] = k as u8);
+    points
 }
 
 /// Which of the strata of the unit square a point lies in.

@@ -57,15 +57,23 @@ pub(super) fn cells(patch: &Patch, size: f64) -> [u32; 2] {
 
 /// The same without a limit.
 pub(super) fn wanted(patch: &Patch, size: f64) -> [u32; 2] {
+    lengths(patch).map(|length| along(length, size))
+}
+
+/// Elements no longer than `size` along a length.
+fn along(length: f64, size: f64) -> u32 {
+    (length / size - 1e-6).ceil().max(1.0) as u32
+}
+
+/// How long a patch is along its two edges, where it is divided.
+fn lengths(patch: &Patch) -> [f64; 2] {
     let c = patch.corners();
     let edge = |i: usize| (c[(i + 1) % c.len()] - c[i]).length();
-    let along = |length: f64| (length / size - 1e-6).ceil().max(1.0) as u32;
     if patch.is_quad() {
-        [along(edge(0).max(edge(2))), along(edge(1).max(edge(3)))]
+        [edge(0).max(edge(2)), edge(1).max(edge(3))]
     } else {
         // As large as a square of that edge, about: two triangles to a cell.
-        let n = along((2.0 * patch.area()).sqrt().max(0.5 * edge(0).max(edge(1)).max(edge(2))));
-        [n, n]
+        [(2.0 * patch.area()).sqrt().max(0.5 * edge(0).max(edge(1)).max(edge(2))); 2]
     }
 }
 
@@ -78,9 +86,11 @@ pub(super) fn size_for(patches: &[Patch], kept: &[[bool; 2]], wanted: u32) -> f6
     if area <= 0.0 || wanted == 0 {
         return f64::INFINITY;
     }
+    let long: Vec<([f64; 2], u64)> = patches.iter().zip(kept).map(|(p, k)| (lengths(p), n_sides(k))).collect();
     let total = |size: f64| -> u64 {
-        let count = |p: &Patch| cells(p, size).map(u64::from).iter().product::<u64>();
-        patches.iter().zip(kept).map(|(p, k)| count(p) * n_sides(k)).sum()
+        let count =
+            |lengths: [f64; 2]| lengths.map(|length| u64::from(along(length, size).min(MAX_CELLS))).iter().product::<u64>();
+        long.iter().map(|&(lengths, n)| count(lengths) * n).sum()
     };
     // Halving the logarithm: the count falls with the size.
     let (mut low, mut high) = ((area / target as f64).sqrt() * 0.25, area.sqrt().max(1e-300) * 8.0);
