@@ -55,7 +55,7 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
         path: PathBuf::from(&args.scene),
         message: format!("--{option} changes nothing with --method {}", method_name(args.method)),
     }));
-    if matches!(args.method, MeasureMethod::Radiosity | MeasureMethod::Hybrid) {
+    if args.method == MeasureMethod::Radiosity {
         radiosity::tessellate(&mut scene, solve::rings(&args.radiosity, args.solution.as_deref())?);
     }
     let by = format!("--method {}", method_name(args.method));
@@ -230,6 +230,9 @@ fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec
     };
     let bar = Progress::new("solve", solve::UNIT, args.work.quiet);
     let saved = args.solution.as_deref();
+    // (Of radiosity's it is the same.)
+    let tessellated = radiosity::tessellated(world, solve::rings(&args.radiosity, saved)?)?;
+    let (shown, world) = (world, tessellated.as_ref().unwrap_or(world));
     let solve::Found { solution, done, .. } = if args.method == MeasureMethod::Hybrid && saved.is_none() {
         solve::to_gather_from(world, &settings, &args.work, &bar)?
     } else {
@@ -248,7 +251,7 @@ fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec
         let at = |&k: &usize| reading(gather.sensor(&placed[k].0, placed[k].1, [rays, rays / 4], key(k)));
         of.par_iter().map(at).collect()
     };
-    let final_gather = FinalGather::new(world, &solution, &[], args.seed);
+    let final_gather = FinalGather::new(world, &solution, &[], args.seed).with_direct_light_of(shown);
     if args.method == MeasureMethod::Hybrid {
         return Ok(by_rays(&final_gather.settled(SETTLING, &|| false), &(0..sensors.len()).collect::<Vec<_>>()));
     }

@@ -34,8 +34,9 @@ impl Stage {
     /// When it takes too much memory, is wrong, or has no such camera.
     pub(crate) fn new(mut scene: Scene, picture: &Picture, given: &[String], work: &Work) -> Result<Self, Error> {
         let cpu_path = cpu_path(work.cpu_path)?;
-        if auto::by_options(picture, given).is_some_and(|choice| choice.method == Method::Radiosity) || picture.solution.is_some()
-        {
+        // (The hybrid shows shapes as they are, and has those of its solution beside them.)
+        let method = auto::by_options(picture, given).map(|choice| choice.method);
+        if method == Some(Method::Radiosity) || (picture.solution.is_some() && method != Some(Method::Hybrid)) {
             radiosa::radiosity::tessellate(&mut scene, solve::rings(&picture.radiosity, picture.solution.as_deref())?);
         }
         let memory = scene_memory(&scene);

@@ -69,6 +69,8 @@ pub struct FinalGather<'a> {
     pub(super) nearer: f32,
     sky: DirectLight<'a>,
     pub(super) lights: Lights,
+    /// Where sensors have their direct light from instead, as [`Self::with_direct_light_of`] says.
+    shown: Option<(&'a World, Lights)>,
     /// For what is looked at closely: by a point of all emissive surfaces together and one of all lamps, where more would cost more than the noise it saves.
     near_lights: Lights,
     /// By material: rays end there, and what they meet reflects diffusely alone.
@@ -172,11 +174,20 @@ impl<'a> FinalGather<'a> {
             irradiance,
             nearer: 1.0,
             sky: DirectLight::new(world, extra_lights, seed),
+            shown: None,
             near_lights: near_lights.drawing(1, 2),
             lights: lights.drawing(LAMPS, FEW_LAMPS),
             plain: world.scene().materials.iter().map(is_plain).collect(),
             seed,
         }
+    }
+
+    /// Sensors have direct light of a world that has exact shapes where the one that was solved in has polyhedra; places are the same in both.
+    pub fn with_direct_light_of(mut self, world: &'a World) -> Self {
+        let settings = LightSettings { emitters: Emitters::Points { n: 1, max: 2 }, ..LightSettings::default() };
+        let lights = Lights::prepare_without_skies(world, &settings, &[]).in_closed_form(world, Care::OfGathers);
+        self.shown = Some((world, lights.drawing(LAMPS, FEW_LAMPS)));
+        self
     }
 
     /// The irradiance on the side of the unit normal `n`, without what comes straight from lamps and emissive surfaces; `key` names its random numbers.
@@ -235,10 +246,11 @@ impl<'a> FinalGather<'a> {
     /// 16 independent sets whose spread tells the standard error. `key` names the random numbers.
     pub fn sensor(&self, surface: &Surface, n: Vec3, [rays, points]: [u32; 2], key: u64) -> Arriving {
         let white = Shading::white(n);
+        let (world, lights) = self.shown.as_ref().map_or((self.world, &self.lights), |(world, lights)| (*world, lights));
         let estimate = |set: u64| {
             let key = rng::key(&[key, set]);
             let random = (points.div_ceil(SETS), &mut Stream::new(key, 0, 0));
-            let direct = self.lights.at_random(self.world, surface, &white, Some(&Media::VACUUM), random, &mut 0).diffuse;
+            let direct = lights.at_random(world, surface, &white, Some(&Media::VACUUM), random, &mut 0).diffuse;
             direct * PI + self.gather(surface, n, rays.div_ceil(SETS), key, &mut 0).irradiance
         };
         let sets: Vec<Spectrum> = (0..u64::from(SETS)).map(estimate).collect();

@@ -89,7 +89,10 @@ pub(super) fn exposed(world: &World, mesh: &ElementMesh, direct: &DirectLight) -
         // A contact line crosses it: the other points, exposed when they see one that is; among many elements, when that of their stratum is.
         if elements.len() > MANY {
             let strata = of_strata(e);
-            let is_so = |k: &usize| first >> strata[stratum(mesh::point(e as u32, *k as u32))] & 1 == 1;
+            let is_so = |k: &usize| {
+                let at = mesh::point(e as u32, *k as u32);
+                first >> strata[stratum(at)] & 1 == 1 && !mesh.is_replaced(&elements[e], elements[e].at(at))
+            };
             return (POINTS..mesh::POINTS).filter(is_so).map(|k| 1u64 << k).fold(first, |bits, bit| bits | bit);
         }
         let sees = |k: &usize| sees_exposed(world, mesh, (e, *k), (&points, &is_exposed), direct);

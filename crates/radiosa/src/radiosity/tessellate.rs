@@ -2,27 +2,40 @@
 
 use std::f64::consts::{PI, TAU};
 
+use crate::math::polygon::area_vector;
 use crate::math::{DVec3, Vec2, function};
 use crate::scene::{Geometry, Mesh, MeshId, Polygons, Scene, SceneError};
 use crate::transport::World;
 
 /// Replaces every exact sphere by `segments` rings of twice as many quadrilaterals, every disc by a fan around rings of quadrilaterals. Vertices lie on the
-/// shape; normals and texture coordinates are the shape's own.
+/// shape, or, where it emits, so far outside that a round shape keeps its area and with it its power; normals and texture coordinates are the shape's own.
 pub fn tessellate(scene: &mut Scene, segments: u32) {
     let segments = segments.clamp(2, 1024);
-    let mut ids: [Option<MeshId>; 2] = [None; 2];
+    let mut ids: [[Option<MeshId>; 2]; 2] = Default::default();
     for i in 0..scene.instances.len() {
-        let (which, make): (usize, fn(u32) -> Mesh) = match scene.instances[i].geometry {
+        let (which, make, area): (usize, fn(u32) -> Mesh, f64) = match scene.instances[i].geometry {
             Geometry::Mesh(_) => continue,
-            Geometry::Sphere => (0, sphere),
-            Geometry::Disc => (1, disc),
+            Geometry::Sphere => (0, sphere, 4.0 * PI),
+            Geometry::Disc => (1, disc, PI),
         };
-        let id = *ids[which].get_or_insert_with(|| {
-            scene.meshes.push(make(segments));
+        let material = scene.instances[i].material.and_then(|id| scene.materials.get(id.index()));
+        let emits = material.is_some_and(|material| material.is_emissive());
+        let id = *ids[which][usize::from(emits)].get_or_insert_with(|| {
+            let mut mesh = make(segments);
+            if emits {
+                let scale = (area / area_of(&mesh)).sqrt();
+                mesh.positions.iter_mut().for_each(|p| *p *= scale);
+            }
+            scene.meshes.push(mesh);
             MeshId(scene.meshes.len() as u32 - 1)
         });
         scene.instances[i].geometry = Geometry::Mesh(id);
     }
+}
+
+/// Of all triangles.
+fn area_of(mesh: &Mesh) -> f64 {
+    mesh.triangles.iter().map(|t| area_vector(&t.map(|v| mesh.positions[v as usize])).length()).sum()
 }
 
 /// A world without exact shapes, where places are the same as in the one given; `None` when that has none itself.
@@ -142,7 +155,6 @@ fn disc(segments: u32) -> Mesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::polygon::area_vector;
 
     #[test]
     fn faces_look_outwards_and_their_area_converges_at_second_order() {
