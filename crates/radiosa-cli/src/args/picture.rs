@@ -152,7 +152,7 @@ pub(crate) struct Picture {
     #[arg(long, value_name = "X,Y", value_parser = parse_pixel, help_heading = "Radiosity")]
     pub(crate) links_of: Option<[u32; 2]>,
 
-    /// Rays of a final gather, at least: where they are noisy the cache takes up to 16 times as many
+    /// Rays of a final gather, at least: where they are noisy the cache takes up to six times as many
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Hybrid")]
     pub(crate) gather: u32,
 

@@ -108,8 +108,8 @@ const MANY: u64 = 1 << 18;
 /// in the mean. A sample takes 3 µs in Cornell's box and 20 µs in the furnished room, whose window has bars: this is between both.
 const AN_ELEMENT: f64 = 4e-5;
 const AN_ELEMENTS_RAY: f64 = 4e-6;
-const A_SAMPLE: f64 = 1e-5;
-const A_PIXELS_RAY: f64 = 7e-8;
+const A_SAMPLE: f64 = 1.5e-5;
+const A_PIXELS_RAY: f64 = 3e-7;
 
 /// About how long the hybrid takes on two threads, seconds: by what it took for ordinary rooms, and not by this machine's speed or threads, so that the same
 /// options choose the same method everywhere.

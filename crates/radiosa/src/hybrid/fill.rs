@@ -24,7 +24,7 @@ const LAST: u32 = 2;
 const AT_ONCE: usize = 256;
 /// Of the error allowed to the cache, the part that the noise of gathers may have; where those around have more they get more rays, up to so many times as many.
 const NOISE: f32 = 0.06;
-const MORE: f32 = 16.0;
+const MORE: f32 = 6.0;
 /// Records reach this many pixels at least.
 const LEAST: f32 = 3.0;
 /// And this part of the picture's longer side at most: where light changes little, many records with few rays each are as quiet as few with many, and bend less.
