@@ -251,7 +251,8 @@ fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec
         let at = |&k: &usize| reading(gather.sensor(&placed[k].0, placed[k].1, [rays, rays / 4], key(k)));
         of.par_iter().map(at).collect()
     };
-    let final_gather = FinalGather::new(world, &solution, &[], args.seed).with_direct_light_of(shown);
+    let final_gather = FinalGather::new(world, &solution, &[], args.seed);
+    let final_gather = if tessellated.is_some() { final_gather.with_direct_light_of(shown) } else { final_gather };
     if args.method == MeasureMethod::Hybrid {
         return Ok(by_rays(&final_gather.settled(SETTLING, &|| false), &(0..sensors.len()).collect::<Vec<_>>()));
     }

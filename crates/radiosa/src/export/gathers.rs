@@ -23,7 +23,7 @@ use crate::transport::World;
 /// What a gather takes in memory, in the cache and its tree.
 const BYTES_A_GATHER: u64 = 500;
 
-const KIND: Kind = Kind { magic: b"RADGATHR", version: 1, name: "file of gathers" };
+const KIND: Kind = Kind { magic: b"RADGATHR", version: 2, name: "file of gathers" };
 
 /// An error when the ending of `path` is another one, or no file can be put there.
 ///

@@ -10,6 +10,8 @@
 use std::cell::RefCell;
 use std::f32::consts::{PI, TAU};
 
+use super::near::{narrow, near, pools};
+use super::slope::{Slope, centres, slopes};
 use crate::accel::Hit;
 use crate::math::{Frame, Ray, Vec2, Vec3, function};
 use crate::radiosity::Solution;
@@ -23,16 +25,6 @@ use crate::spectrum::Spectrum;
 use crate::transport::media::Media;
 use crate::transport::{Care, Emitters, FEW_LAMPS, LightSettings, Lights, Shading, Surface, World};
 
-/// A hit nearer than this many times the side of its element is looked at closely; where light varies among its neighbours, up to the second.
-const NEAR: [f32; 2] = [1.0, 4.0];
-/// Elements of which less than this is free of others are always looked at closely: the few points that stand for them say little.
-const KNOWN: f64 = 0.25;
-/// Small elements share their light where elements are many more than wanted ([`FinalGather::POOLED`]), or than so many,
-const WANTED: u32 = 1000;
-/// in cells no larger than for so many elements;
-const CELLS: u32 = 4000;
-/// and the distance from which such a pool is taken as a whole: in roots of its area, but no more than a cell.
-const NEAR_POOL: f32 = 2.0;
 /// Mirrors in a row that a ray of a gather follows, and straight passages through what is transparent.
 const MIRRORS: u32 = 4;
 const LAYERS: u32 = 16;
@@ -59,14 +51,20 @@ pub struct FinalGather<'a> {
     pub(super) mesh: &'a ElementMesh,
     /// Which elements have their light in common: each stands for itself, unless their light is to be found here and triangles are many more than elements wanted.
     pub(super) pools: Pools,
-    /// Mean irradiance over each pool, over π. (Constant over elements, as the solver has it: the mean of all is then the solver's.)
+    /// Mean irradiance over each pool, over π.
     pub(super) irradiance: Vec<Spectrum>,
+    /// How it changes within.
+    pub(super) slopes: Vec<Slope>,
     /// The mean reflectance of each element.
     pub(super) reflectance: Vec<Spectrum>,
+    /// By pool: it is always looked at closely.
+    pub(super) narrow: Vec<bool>,
     /// How near each pool may be taken as a whole, metres.
     pub(super) near: Vec<f32>,
     /// How much nearer elements have to be with every bounce, to be looked at closely: 1 is as near.
     pub(super) nearer: f32,
+    /// Within how many times their own distance they are, before any bounce.
+    pub(super) within: f32,
     sky: DirectLight<'a>,
     pub(super) lights: Lights,
     /// Where sensors have their direct light from instead, as [`Self::with_direct_light_of`] says.
@@ -146,33 +144,32 @@ struct Cell {
     distance: f32,
 }
 
-impl FinalGather<'_> {
-    /// Elements for each that was wanted, from which on small ones have their light in common.
-    pub const POOLED: u32 = 4;
-}
-
 impl<'a> FinalGather<'a> {
     /// From a solution of the world with its own lights and `extra_lights`.
     pub fn new(world: &'a World, solution: &'a Solution, extra_lights: &[Light], seed: u64) -> Self {
         let rgb = |v: [f64; 3]| Spectrum::from(v.map(|x| x as f32));
         let over_pi = |h: &[f64; 3]| rgb(h.map(|h| h * std::f64::consts::FRAC_1_PI));
-        let settings = LightSettings { emitters: Emitters::Points { n: 1, max: 2 }, ..LightSettings::default() };
         let is_to_be_found = solution.irradiance.iter().all(|h| *h == [0.0; 3]);
         let pools = if is_to_be_found { pools(&solution.mesh) } else { Pools::with(&solution.mesh, usize::MAX, 1.0) };
         let irradiance: Vec<Spectrum> =
             if is_to_be_found { vec![Spectrum::BLACK; pools.n()] } else { solution.irradiance.iter().map(over_pi).collect() };
-        let prepared = || Lights::prepare_without_skies(world, &settings, extra_lights);
-        let closed_form = || prepared().in_closed_form(world, Care::OfGathers);
-        let lights = closed_form();
-        let near_lights = if lights.is_one_polygon() { closed_form() } else { prepared().with_random_points(world) };
+        let narrow = narrow(world, &solution.mesh, &pools, seed);
+        let lights = closed_form(world, extra_lights);
+        let near_lights = match lights.is_one_polygon() {
+            true => closed_form(world, extra_lights),
+            false => prepared(world, extra_lights).with_random_points(world),
+        };
         Self {
             world,
             mesh: &solution.mesh,
             reflectance: solution.system.reflectance.iter().map(|rho| rgb(*rho)).collect(),
-            near: near(&solution.mesh, &pools, &irradiance),
+            near: near(&solution.mesh, &pools, &narrow, &irradiance),
+            slopes: slopes(&solution.mesh, &pools, &irradiance, &centres(&solution.mesh, &pools)),
+            narrow,
             pools,
             irradiance,
             nearer: 1.0,
+            within: 1.0,
             sky: DirectLight::new(world, extra_lights, seed),
             shown: None,
             near_lights: near_lights.drawing(1, 2),
@@ -184,8 +181,7 @@ impl<'a> FinalGather<'a> {
 
     /// Sensors have direct light of a world that has exact shapes where the one that was solved in has polyhedra; places are the same in both.
     pub fn with_direct_light_of(mut self, world: &'a World) -> Self {
-        let settings = LightSettings { emitters: Emitters::Points { n: 1, max: 2 }, ..LightSettings::default() };
-        let lights = Lights::prepare_without_skies(world, &settings, &[]).in_closed_form(world, Care::OfGathers);
+        let lights = closed_form(world, &[]);
         self.shown = Some((world, lights.drawing(LAMPS, FEW_LAMPS)));
         self
     }
@@ -213,7 +209,7 @@ impl<'a> FinalGather<'a> {
                 return Cell { light: Spectrum::BLACK, thrown: Spectrum::BLACK, distance: f32::INFINITY };
             }
             let (key, thrown) = (rng::nth(numbers.key, u64::from(cell)), Thrown::default());
-            let reach = Reach { thrown: Some(&thrown), ..Reach::first(key, bounce) };
+            let reach = Reach { thrown: Some(&thrown), ..Reach::first(key, bounce, self.within) };
             let (light, distance) = self.arriving(&surface.ray(dir), reach, n_rays);
             Cell { light, thrown: thrown.get(), distance }
         };
@@ -289,7 +285,8 @@ impl<'a> FinalGather<'a> {
             {
                 let is_near = hit.t < self.near_of(element) * reach.near;
                 if !(is_near && reach.looks_closely()) {
-                    return (self.of_element(element, self.reflectance[element as usize], &reach), hit.t);
+                    let rho = self.reflectance[element as usize];
+                    return (self.of_element(element, ray.at(hit.t), rho, &reach), hit.t);
                 }
             }
             return self.followed(ray, Some(hit), reach, n_rays);
@@ -297,10 +294,12 @@ impl<'a> FinalGather<'a> {
         self.followed(ray, None, reach, n_rays)
     }
 
-    /// What of an element's light a surface of some reflectance sends out, by what the solution says; noted instead, where that is not known yet.
-    fn of_element(&self, element: u32, reflectance: Spectrum, reach: &Reach<'_>) -> Spectrum {
+    /// What of an element's light a surface of some reflectance sends out from a place, by what the solution says; noted instead, where that is not known yet.
+    fn of_element(&self, element: u32, p: Vec3, reflectance: Spectrum, reach: &Reach<'_>) -> Spectrum {
         let pool = self.pools.of_element(element as usize);
-        let Some(sink) = reach.sink else { return reflectance * self.irradiance[pool as usize] };
+        let Some(sink) = reach.sink else {
+            return reflectance * (self.irradiance[pool as usize] + self.slopes[pool as usize].at(p)).map(|e| e.max(0.0));
+        };
         sink.borrow_mut().push((pool, reach.through * reflectance));
         Spectrum::BLACK
     }
@@ -368,7 +367,7 @@ impl<'a> FinalGather<'a> {
             let known = self.mesh.element_at(met.hit, surface.p, met.dir);
             let is_far = |element: &u32| met.travelled >= self.near_of(*element) * reach.near;
             match known.filter(|known| is_far(known) || !reach.looks_closely()) {
-                Some(element) => light += self.of_element(element, diffuse, &reach),
+                Some(element) => light += self.of_element(element, surface.p, diffuse, &reach),
                 None if reach.looks_closely() => {
                     let is_first = !reach.has_met();
                     if !is_first {
@@ -439,33 +438,15 @@ impl<'a> FinalGather<'a> {
     }
 }
 
-/// Pools for a solution that is to be found.
-pub(super) fn pools(mesh: &ElementMesh) -> Pools {
-    let wanted = mesh.record().settings.elements;
-    Pools::with(mesh, FinalGather::POOLED as usize * wanted.max(WANTED) as usize, f64::from(wanted.max(CELLS)))
+/// Lamps and surfaces whose light is direct.
+fn prepared(world: &World, extra_lights: &[Light]) -> Lights {
+    let settings = LightSettings { emitters: Emitters::Points { n: 1, max: 2 }, ..LightSettings::default() };
+    Lights::prepare_without_skies(world, &settings, extra_lights)
 }
 
-/// How near each pool may be taken as a whole: nearer where the light of its neighbours is like its own.
-pub(super) fn near(mesh: &ElementMesh, pools: &Pools, irradiance: &[Spectrum]) -> Vec<f32> {
-    let of = |i: u32| irradiance[pools.of_element(i as usize) as usize].luminance();
-    let single = |i: u32| {
-        let element = &mesh.elements()[i as usize];
-        if element.exposed() < KNOWN {
-            return f32::INFINITY;
-        }
-        let own = of(i);
-        let step = mesh
-            .neighbours(element)
-            .map(|j| (of(j as u32) - own).abs() / of(j as u32).max(own).max(f32::MIN_POSITIVE))
-            .fold(0.0, f32::max);
-        let times = NEAR[0] + (NEAR[1] - NEAR[0]) * (2.0 * step).min(1.0);
-        element.area.sqrt() as f32 * times
-    };
-    let pool = |p: usize| match pools.members(p) {
-        [only] => single(*only),
-        _ => (NEAR_POOL * pools.area(p).sqrt() as f32).min(pools.size() as f32),
-    };
-    (0..pools.n()).map(pool).collect()
+/// The same with polygons in closed form, where those are few.
+fn closed_form(world: &World, extra_lights: &[Light]) -> Lights {
+    prepared(world, extra_lights).in_closed_form(world, Care::OfGathers)
 }
 
 /// Adds what mirrors throw to the light of cells: of a cell no more than a sixteenth of what all others bring. (Where few of them meet a bright lamp in a mirror, one more
@@ -546,8 +527,8 @@ pub(super) type Sink = RefCell<Vec<(u32, Spectrum)>>;
 
 impl<'s> Reach<'s> {
     /// As [`Self::first`], with elements noted in `sink`.
-    pub(super) const fn noting(key: u64, bounce: Vec2, sink: &'s Sink) -> Self {
-        Self { sink: Some(sink), ..Self::first(key, bounce) }
+    pub(super) const fn noting(key: u64, bounce: Vec2, near: f32, sink: &'s Sink) -> Self {
+        Self { sink: Some(sink), ..Self::first(key, bounce, near) }
     }
 
     /// What is left here of emission: none where it is summed up.
@@ -567,12 +548,12 @@ impl<'s> Reach<'s> {
         self.bounces < BOUNCES
     }
 
-    pub(super) const fn first(key: u64, bounce: Vec2) -> Self {
+    pub(super) const fn first(key: u64, bounce: Vec2, near: f32) -> Self {
         Self {
             mirrors: 0,
             sees_emission: false,
             bounces: 0,
-            near: 1.0,
+            near,
             key,
             bounce,
             through: Spectrum::WHITE,

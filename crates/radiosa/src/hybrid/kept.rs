@@ -13,6 +13,8 @@ use crate::stream::{In, Out, wrong};
 pub struct Kept {
     /// Of pools, over π.
     pub(super) irradiance: Vec<Spectrum>,
+    /// The places that it is the mean around.
+    pub(super) centres: Vec<Vec3>,
     /// Every gather, in the order they were made in.
     pub(super) known: Vec<Known>,
 }
@@ -34,6 +36,7 @@ impl Kept {
     /// When the stream cannot take it.
     pub fn store(&self, out: &mut Out) -> io::Result<()> {
         out.array(&self.irradiance.iter().flat_map(|e| e.to_array()).collect::<Vec<f32>>())?;
+        out.array(&self.centres.iter().flat_map(|c| c.to_array()).collect::<Vec<f32>>())?;
         out.array(&self.known.iter().flat_map(floats).collect::<Vec<f32>>())?;
         let whole = |known: &Known| {
             let [a, b, c, d] = known.shift;
@@ -48,10 +51,13 @@ impl Kept {
     /// When the stream ends, or holds something else or too much.
     pub fn restore(most: u64, from: &mut In) -> io::Result<Self> {
         let irradiance: Vec<f32> = from.any_array()?;
+        let centres: Vec<f32> = from.any_array()?;
         let known: Vec<f32> = from.any_array()?;
         let whole: Vec<u32> = from.any_array()?;
-        let are_whole =
-            irradiance.len().is_multiple_of(3) && known.len().is_multiple_of(FLOATS) && whole.len().is_multiple_of(WHOLE);
+        let are_whole = irradiance.len().is_multiple_of(3)
+            && centres.len() == irradiance.len()
+            && known.len().is_multiple_of(FLOATS)
+            && whole.len().is_multiple_of(WHOLE);
         if !are_whole {
             return Err(wrong("an array has another length than it should"));
         }
@@ -64,7 +70,7 @@ impl Kept {
         }
         let is_sound = |e: &[f32]| e.iter().all(|e| e.is_finite());
         // (Where nothing is around the mean distance is infinite.)
-        if !is_sound(&irradiance)
+        if !(is_sound(&irradiance) && is_sound(&centres))
             || !known.clone().all(|k| is_sound(&k[..FLOATS - 2]) && k[FLOATS - 2] > 0.0 && k[FLOATS - 1] >= 0.0)
         {
             return Err(wrong("its light is not finite"));
@@ -74,7 +80,8 @@ impl Kept {
             return Err(wrong("it holds negative light, or normals that are not of unit length"));
         }
         let irradiance = irradiance.chunks_exact(3).map(|e| Spectrum::new(e[0], e[1], e[2])).collect();
-        Ok(Self { irradiance, known: known.zip(whole).map(|(f, w)| of(f, w)).collect() })
+        let centres = centres.chunks_exact(3).map(Vec3::from_slice).collect();
+        Ok(Self { irradiance, centres, known: known.zip(whole).map(|(f, w)| of(f, w)).collect() })
     }
 }
 

@@ -15,7 +15,9 @@ mod cache;
 mod fill;
 mod gather;
 mod kept;
+mod near;
 mod settle;
+mod slope;
 
 use cache::Known;
 
@@ -68,8 +70,7 @@ impl<'a> Hybrid<'a> {
         forward: Vec3,
         is_over: &(dyn Fn() -> bool + Sync),
     ) -> Self {
-        let gather = FinalGather::new(solved, solution, &settings.whitted.extra_lights, settings.seed)
-            .settled(SETTLING * settings.rays, is_over);
+        let gather = Self::gather(solved, solution, settings).settled(SETTLING * settings.rays, is_over);
         Self::with(world, gather, Vec::new(), settings, forward)
     }
 
@@ -82,9 +83,17 @@ impl<'a> Hybrid<'a> {
         forward: Vec3,
         kept: Kept,
     ) -> Option<Self> {
-        let gather =
-            FinalGather::new(solved, solution, &settings.whitted.extra_lights, settings.seed).knowing(kept.irradiance)?;
+        let gather = Self::gather(solved, solution, settings).knowing(kept.irradiance, &kept.centres)?;
         Some(Self::with(world, gather, kept.known, settings, forward))
+    }
+
+    /// What settings ask for: where gathers serve far, elements may be taken as a whole from nearer.
+    fn gather(solved: &'a World, solution: &'a Solution, settings: &Settings) -> FinalGather<'a> {
+        let mut gather = FinalGather::new(solved, solution, &settings.whitted.extra_lights, settings.seed);
+        if settings.cache > CAREFUL {
+            gather.within = (CAREFUL / settings.cache).sqrt();
+        }
+        gather
     }
 
     fn with(world: &World, mut gather: FinalGather<'a>, known: Vec<Known>, settings: &Settings, forward: Vec3) -> Self {
@@ -96,7 +105,8 @@ impl<'a> Hybrid<'a> {
 
     /// What further views can begin with.
     pub fn kept(&self) -> Kept {
-        Kept { irradiance: self.gather.irradiance.clone(), known: self.cache.known() }
+        let centres = self.gather.slopes.iter().map(|slope| slope.centre).collect();
+        Kept { irradiance: self.gather.irradiance.clone(), centres, known: self.cache.known() }
     }
 
     /// Gathers kept.
@@ -107,6 +117,8 @@ impl<'a> Hybrid<'a> {
 
 /// With every bounce elements have to be so many times as near to be looked at closely, in pictures: one sees no more of them then.
 const NEARER: f32 = 0.5;
+/// The error allowed to the cache up to which they are looked at closely from as far as for sensors.
+const CAREFUL: f32 = 0.2;
 /// Rays by which the light of an element is found, for each of a final gather.
 const SETTLING: u32 = 2;
 /// Gathers where the cache knows nothing: of those made anew for one place, at most this many rays.

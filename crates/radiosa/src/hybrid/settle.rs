@@ -11,10 +11,14 @@
 //! (It is the deferred correction of a coarse solver by a finer operator, and the iterated Galerkin method of [Sloan76] carried to
 //! its fixed point.) Rows are estimated by chance, each with rays of its own: nothing is made or lost.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
-use super::gather::{FinalGather, Reach, Sink, near, pools};
-use crate::math::Frame;
+use super::gather::{FinalGather, Reach, Sink};
+use super::near::{near, pools};
+use super::slope::slopes;
+use crate::math::{Frame, Vec3};
 use crate::radiosity::mesh::{self, ElementMesh, POINTS};
 use crate::sampling::{Stream, rng, sequence, warp};
 use crate::spectrum::Spectrum;
@@ -43,6 +47,8 @@ const REFLECTED: [f32; 2] = [0.99, 0.9999];
 struct Row {
     /// Whatever the light of pools is, over π.
     constant: Spectrum,
+    /// The mean of the places, weighed like what they receive; none of a pool without places.
+    centre: Option<Vec3>,
     /// By pool: the part of its irradiance that arrives here, by rising pool.
     links: Vec<(u32, Spectrum)>,
 }
@@ -60,31 +66,44 @@ impl FinalGather<'_> {
         if n == 0 || n > MOST {
             return self;
         }
-        if self.irradiance.iter().all(|e| e.is_black()) {
-            // Nothing is solved: a first look, to know how near elements may be taken as a whole.
-            self.settle(FIRST, is_over);
-            self.near = near(self.mesh, &self.pools, &self.irradiance);
+        let rays = (BUDGET / n).min(rays as usize).clamp(RAYS[0], RAYS[1]);
+        if self.irradiance.iter().any(|e| !e.is_black()) {
+            let rows = self.rows(0..rays, is_over);
+            return self.settle(rows, is_over);
         }
-        self.settle((BUDGET / n).min(rays as usize).clamp(RAYS[0], RAYS[1]), is_over);
-        self
+        // Nothing is solved: a first look, to know how near elements may be taken as a whole.
+        let first = self.rows(0..FIRST, is_over);
+        self = self.settle(first.clone(), is_over);
+        self.near = near(self.mesh, &self.pools, &self.narrow, &self.irradiance);
+        let more = self.rows(FIRST..rays, is_over);
+        let share = FIRST as f32 / rays as f32;
+        let both = first.into_iter().zip(more).map(|(first, more)| first.mixed(share, more));
+        let both = both.collect();
+        self.settle(both, is_over)
     }
 
-    /// With irradiances, over π, that were found before. `None` where they are not as many as pools.
-    pub(super) fn knowing(mut self, irradiance: Vec<Spectrum>) -> Option<Self> {
-        if irradiance.len() != self.irradiance.len() {
+    /// With irradiances, over π, that were found before, and what they are around. `None` where they are not as many as pools.
+    pub(super) fn knowing(mut self, irradiance: Vec<Spectrum>, centres: &[Vec3]) -> Option<Self> {
+        if irradiance.len() != self.irradiance.len() || centres.len() != irradiance.len() {
             return None;
         }
         self.irradiance = irradiance;
-        self.near = near(self.mesh, &self.pools, &self.irradiance);
+        self.slopes = slopes(self.mesh, &self.pools, &self.irradiance, centres);
+        self.near = near(self.mesh, &self.pools, &self.narrow, &self.irradiance);
         Some(self)
     }
 
-    /// Finds the light of all pools by `rays` rays of each.
-    fn settle(&mut self, rays: usize, is_over: &(dyn Fn() -> bool + Sync)) {
+    /// What some rays of each pool say it receives.
+    fn rows(&self, rays: Range<usize>, is_over: &(dyn Fn() -> bool + Sync)) -> Vec<Row> {
         let n = self.irradiance.len() as u32;
+        let row = |i| if is_over() { Row::default() } else { self.row(i, rays.clone()) };
+        (0..n).into_par_iter().map(row).collect()
+    }
+
+    /// Finds the light of all pools.
+    fn settle(mut self, rows: Vec<Row>, is_over: &(dyn Fn() -> bool + Sync)) -> Self {
         let most = self.reflectance.iter().map(|rho| rho.max_channel()).fold(REFLECTED[0], f32::max).min(REFLECTED[1]);
-        let row = |i| if is_over() { Row::default() } else { self.row(i, rays).limited(most) };
-        let rows: Vec<Row> = (0..n).into_par_iter().map(row).collect();
+        let rows: Vec<Row> = rows.into_iter().map(|row| row.limited(most)).collect();
         for _ in 0..SWEEPS {
             let mut change = 0.0f32;
             for (i, row) in rows.iter().enumerate() {
@@ -97,59 +116,65 @@ impl FinalGather<'_> {
                 break;
             }
         }
+        let centres = rows.iter().zip(&self.slopes).map(|(row, old)| row.centre.unwrap_or(old.centre));
+        let centres: Vec<Vec3> = centres.collect();
+        self.slopes = slopes(self.mesh, &self.pools, &self.irradiance, &centres);
+        self
     }
 
-    /// About `n` places on a pool from which rays go out: an element, and which of its points.
-    fn places(&self, p: usize, n: usize, key: u64) -> Vec<(u32, u32)> {
+    /// About as many places on a pool from which rays go out: an element, and which of its points. Others are those of other ranges.
+    fn places(&self, p: usize, places: Range<usize>, key: u64) -> Vec<(u32, u32)> {
+        let n = places.len();
         let elements = self.mesh.elements();
         let is_exposed = |i: u32, k: u32| elements[i as usize].exposes(k as usize);
         let is_sound = |i: u32| elements[i as usize].normal.is_finite() && elements[i as usize].area > 0.0;
         if let [only] = self.pools.members(p) {
             let exposed = (0..POINTS as u32).filter(|&k| is_sound(*only) && is_exposed(*only, k));
-            return exposed.take(n).map(|k| (*only, k)).collect();
+            return exposed.skip(places.start).take(n).map(|k| (*only, k)).collect();
         }
         // One in each of equal parts of its area.
-        let place = |place: u32| {
-            let fraction =
-                (f64::from(place) + f64::from(rng::unit_f32((rng::nth(key, u64::from(place)) >> 32) as u32))) / n as f64;
-            let (i, _) = self.pools.at(p, fraction);
+        let place = |part: usize| {
+            let place = (places.start + part) as u32;
+            let within = f64::from(rng::unit_f32((rng::nth(key, u64::from(place)) >> 32) as u32));
+            let (i, _) = self.pools.at(p, (part as f64 + within) / n as f64);
             let k = (0..POINTS as u32).map(|k| (k + place) % POINTS as u32).find(|&k| is_sound(i) && is_exposed(i, k))?;
             Some((i, k))
         };
-        (0..n as u32).filter_map(place).collect()
+        (0..n).filter_map(place).collect()
     }
 
     /// What rays from all over a pool bring: from each of some points two sets of rays, each weighed by how much of the other one went far.
-    fn row(&self, p: u32, rays: usize) -> Row {
+    fn row(&self, p: u32, rays: Range<usize>) -> Row {
         let key = rng::key(&[self.seed, u64::from(p), 0x7365_7474_6C65]);
         let near = self.near[p as usize];
-        let n_places = (rays / OF_PLACE).clamp(1, PLACES);
-        let of_set = (rays / (2 * n_places)).max(1) as u32;
-        let n_points = (rays / (DIRECT * n_places)).max(1) as u32;
-        let places = self.places(p as usize, n_places, key);
+        let n_places = (rays.len() / OF_PLACE).clamp(1, PLACES);
+        let of_set = (rays.len() / (2 * n_places)).max(1) as u32;
+        let n_points = (rays.len() / (DIRECT * n_places)).max(1) as u32;
+        let first = (rays.start / OF_PLACE).min(PLACES);
+        let places = self.places(p as usize, first..first + n_places, key);
         let (mut sets, mut n_rays) = (Vec::with_capacity(2 * places.len()), 0);
-        for (place, (i, k)) in (0..).zip(places) {
+        for (place, (i, k)) in (0u32..).zip(places) {
             let element = &self.mesh.elements()[i as usize];
             let n = element.normal.as_vec3();
             let (frame, white) = (Frame::from_normal(n), Shading::white(n));
             let surface = self.mesh.surface(self.world, element, mesh::point(i, k));
             // (One low-discrepancy set of points on emissive surfaces for the whole pool.)
-            let mut stream = Stream::new(key, 0, place);
+            let mut stream = Stream::new(key, 0, first as u64 + u64::from(place));
             let lit = (n_points, &mut stream);
             let direct = self.lights.at_random(self.world, &surface, &white, Some(&Media::VACUUM), lit, &mut n_rays).diffuse;
             for half in 0..2 {
                 let (sink, mut light, mut far) = (Sink::default(), Spectrum::BLACK, 0u32);
                 for ray in 0..of_set {
-                    let index = (2 * place as u32 + half) * of_set + ray;
+                    let index = rays.start as u32 + (2 * place + half) * of_set + ray;
                     let [u, bounce] = sequence::point_4d(index, key);
                     let dir = frame.to_world(warp::cosine_hemisphere(u));
-                    let reach = Reach::noting(rng::mix(key ^ u64::from(index)), bounce, &sink);
+                    let reach = Reach::noting(rng::mix(key ^ u64::from(index)), bounce, self.within, &sink);
                     let (arriving, distance) = self.arriving(&surface.ray(dir), reach, &mut n_rays);
                     light += arriving;
                     far += u32::from(distance >= near);
                 }
                 let light = direct + light * (1.0 / of_set as f32);
-                sets.push(Set { light, noted: sink.into_inner(), far: far as f32 });
+                sets.push(Set { light, p: surface.p, noted: sink.into_inner(), far: far as f32 });
             }
         }
         let other = |k: usize| sets[k ^ 1].far;
@@ -162,16 +187,8 @@ impl FinalGather<'_> {
             let share = weight(k) / of_set as f32;
             links.extend(set.noted.iter().filter(|_| share > 0.0).map(|&(j, through)| (j, through * share)));
         }
-        links.sort_by_key(|link| link.0);
-        links.dedup_by(|next, link| {
-            let same = next.0 == link.0;
-            if same {
-                link.1 += next.1;
-            }
-            same
-        });
-        links.shrink_to_fit();
-        Row { constant, links }
+        let centre = (!sets.is_empty()).then(|| sets.iter().enumerate().map(|(k, set)| set.p * weight(k)).sum());
+        Row { constant, centre, links: by_pool(links) }
     }
 }
 
@@ -179,13 +196,40 @@ impl FinalGather<'_> {
 struct Set {
     /// Whatever the light of pools is, over π, direct light with it.
     light: Spectrum,
+    /// Where it is.
+    p: Vec3,
     /// Where rays ended, with what is left of the light there.
     noted: Vec<(u32, Spectrum)>,
     /// Rays that met nothing near.
     far: f32,
 }
 
+/// Rising and each pool once.
+fn by_pool(mut links: Vec<(u32, Spectrum)>) -> Vec<(u32, Spectrum)> {
+    links.sort_by_key(|link| link.0);
+    links.dedup_by(|next, link| {
+        let same = next.0 == link.0;
+        if same {
+            link.1 += next.1;
+        }
+        same
+    });
+    links.shrink_to_fit();
+    links
+}
+
 impl Row {
+    /// A share of it, and the rest of another.
+    fn mixed(self, share: f32, other: Self) -> Self {
+        let part = |row: Self, share: f32| row.links.into_iter().map(move |(j, weight)| (j, weight * share));
+        let constant = self.constant * share + other.constant * (1.0 - share);
+        let centre = match (self.centre, other.centre) {
+            (Some(a), Some(b)) => Some(a * share + b * (1.0 - share)),
+            (a, b) => a.or(b),
+        };
+        Self { constant, centre, links: by_pool(part(self, share).chain(part(other, 1.0 - share)).collect()) }
+    }
+
     /// No surface reflects more than it receives: what chance made more, for few rays, would grow without end from pool to pool.
     fn limited(mut self, most: f32) -> Self {
         let sum = self.links.iter().map(|link| link.1).sum::<Spectrum>();
@@ -196,7 +240,7 @@ impl Row {
         self
     }
 
-    /// The irradiance over π that it asks for; none where nothing is known.
+    /// The irradiance over π that it asks for; none where that is not finite.
     fn asks(&self, irradiance: &[Spectrum]) -> Option<Spectrum> {
         let sum = self.links.iter().map(|&(j, weight)| weight * irradiance[j as usize]).sum::<Spectrum>();
         let e = self.constant + sum;

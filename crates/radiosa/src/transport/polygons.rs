@@ -123,8 +123,8 @@ impl PolygonLights {
                 all += *share * light.polygon.radiance.luminance();
             }
         }
-        for (light, given) in self.all.iter().zip(given) {
-            let Some(given) = given else { continue };
+        for (light, given) in self.all.iter().zip(&mut given) {
+            let Some(given) = given.take() else { continue };
             let brought = light.bring(world, receiver, given, (MINOR * all, self.care, n), n_rays);
             take(light, brought, n_rays);
         }

@@ -52,7 +52,7 @@ pub(super) fn piece_at(cuts: &[Cut], p: DVec3) -> usize {
 
 /// Cells along the edges for elements no longer than `size`.
 pub(super) fn cells(patch: &Patch, size: f64) -> [u32; 2] {
-    wanted(patch, size).map(|n| n.min(MAX_CELLS))
+    lengths(patch).map(|length| limited(length, size))
 }
 
 /// The same without a limit.
@@ -63,6 +63,11 @@ pub(super) fn wanted(patch: &Patch, size: f64) -> [u32; 2] {
 /// Elements no longer than `size` along a length.
 fn along(length: f64, size: f64) -> u32 {
     (length / size - 1e-6).ceil().max(1.0) as u32
+}
+
+/// The same, with a limit.
+fn limited(length: f64, size: f64) -> u32 {
+    along(length, size).min(MAX_CELLS)
 }
 
 /// How long a patch is along its two edges, where it is divided.
@@ -88,8 +93,7 @@ pub(super) fn size_for(patches: &[Patch], kept: &[[bool; 2]], wanted: u32) -> f6
     }
     let long: Vec<([f64; 2], u64)> = patches.iter().zip(kept).map(|(p, k)| (lengths(p), n_sides(k))).collect();
     let total = |size: f64| -> u64 {
-        let count =
-            |lengths: [f64; 2]| lengths.map(|length| u64::from(along(length, size).min(MAX_CELLS))).iter().product::<u64>();
+        let count = |lengths: [f64; 2]| lengths.map(|length| u64::from(limited(length, size))).iter().product::<u64>();
         long.iter().map(|&(lengths, n)| count(lengths) * n).sum()
     };
     // Halving the logarithm: the count falls with the size.
