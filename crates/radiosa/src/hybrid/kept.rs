@@ -70,7 +70,8 @@ impl Kept {
         }
         let is_sound = |e: &[f32]| e.iter().all(|e| e.is_finite());
         // (Where nothing is around the mean distance is infinite.)
-        if !(is_sound(&irradiance) && is_sound(&centres))
+        if !is_sound(&irradiance)
+            || !is_sound(&centres)
             || !known.clone().all(|k| is_sound(&k[..FLOATS - 2]) && k[FLOATS - 2] > 0.0 && k[FLOATS - 1] >= 0.0)
         {
             return Err(wrong("its light is not finite"));
