@@ -225,7 +225,7 @@ const SETTLING: u32 = 1024;
 
 fn by_radiosity(args: &Measure, world: &World, sensors: &[Sensor]) -> Result<Vec<Reading>, Error> {
     let settings = match args.method {
-        MeasureMethod::Hybrid => solve::settings_to_gather_from(&args.radiosity, 4000, args.seed, &[]),
+        MeasureMethod::Hybrid => solve::settings_to_gather_from(&args.radiosity, args.seed, &[]),
         _ => solve::settings(&args.radiosity, args.seed, &[]),
     };
     let bar = Progress::new("solve", solve::UNIT, args.work.quiet);

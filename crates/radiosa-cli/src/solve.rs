@@ -28,15 +28,9 @@ use crate::render::method::about_media;
 use crate::render::output::{self, tell};
 use crate::render::{plan, with_threads};
 
-/// Elements a picture of the hybrid finds light on where none are asked for, about.
-pub(crate) const TO_GATHER_FROM: u32 = 2000;
-
-/// What the options ask for when a hybrid gathers from the solution, with so many elements where they say nothing: no element is ever seen, and the solution is gathered
-/// again, so that fewer do.
-pub(crate) fn settings_to_gather_from(options: &Radiosity, elements: u32, seed: u64, extra_lights: &[Light]) -> Settings {
-    let fewer =
-        Radiosity { elements: options.elements.or(Some(elements)), refine: options.refine.or(Some(0)), ..options.clone() };
-    settings(&fewer, seed, extra_lights)
+/// What the options ask for when a hybrid gathers from the solution: where they say nothing elements are not divided again, as none is ever seen.
+pub(crate) fn settings_to_gather_from(options: &Radiosity, seed: u64, extra_lights: &[Light]) -> Settings {
+    settings(&Radiosity { refine: options.refine.or(Some(0)), ..options.clone() }, seed, extra_lights)
 }
 
 /// What the options ask for.

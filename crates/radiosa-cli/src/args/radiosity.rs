@@ -9,7 +9,7 @@ use super::value::{parse_color, parse_scale};
 #[derive(Args, Clone, Debug, PartialEq)]
 #[command(next_help_heading = "Radiosity")]
 pub(crate) struct Radiosity {
-    /// About how many elements surfaces are divided into, beyond one for each side of a surface [default: 4000, for pictures of the hybrid 2000]
+    /// About how many elements surfaces are divided into, beyond one for each side of a surface [default: 4000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=50_000_000))]
     pub(crate) elements: Option<u32>,
 

@@ -64,7 +64,7 @@ pub(crate) fn by_scene(picture: &Picture, stage: &Stage, time: Option<Duration>,
         let why = "the options are for local models";
         return local(why, why);
     }
-    let settings = solve::settings_to_gather_from(&picture.radiosity, solve::TO_GATHER_FROM, picture.seed, &[]);
+    let settings = solve::settings_to_gather_from(&picture.radiosity, picture.seed, &[]);
     let elements = ElementMesh::estimate(world, &settings.mesh);
     if elements > MANY {
         return choice(&[Method::Path], "it has so many surfaces that the hybrid would take long before it began");

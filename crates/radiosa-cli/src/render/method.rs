@@ -382,8 +382,7 @@ fn hybrid(
     let rings = solve::rings(&picture.radiosity, saved)?;
     let tessellated = radiosa::radiosity::tessellated(world, rings)?;
     let solved_in = tessellated.as_ref().unwrap_or(world);
-    let radiosity =
-        solve::settings_to_gather_from(&picture.radiosity, solve::TO_GATHER_FROM, picture.seed, &lighting.extra_lights);
+    let radiosity = solve::settings_to_gather_from(&picture.radiosity, picture.seed, &lighting.extra_lights);
     let settings = hybrid_settings(stage, picture, lighting);
     let by = gathers::MadeBy { radiosity: &radiosity, hybrid: &settings };
     let before = picture.gathers.as_deref().filter(|path| path.exists());

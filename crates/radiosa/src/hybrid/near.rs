@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::gather::FinalGather;
+use super::settle::MOST;
 use crate::math::{Frame, Ray};
 use crate::radiosity::mesh::{self, ElementMesh, POINTS};
 use crate::radiosity::solve::pools::Pools;
@@ -35,12 +36,12 @@ pub(super) fn pools(mesh: &ElementMesh) -> Pools {
     Pools::with(mesh, FinalGather::POOLED as usize * wanted.max(WANTED) as usize, f64::from(wanted.max(CELLS)))
 }
 
-/// Which pools are always looked at closely: single elements that little is known of.
+/// Which pools are always looked at closely: single elements that little is known of. (Of more than 2¹⁸ only those that others cover: elements are small there.)
 pub(super) fn narrow(world: &World, mesh: &ElementMesh, pools: &Pools, seed: u64) -> Vec<bool> {
+    let key = |i: u32| rng::key(&[seed, u64::from(i), 0x6E61_7272_6F77]);
     let is_narrow = |p: usize| {
         let [i] = *pools.members(p) else { return false };
-        let element = &mesh.elements()[i as usize];
-        element.exposed() < KNOWN || is_between_others(world, mesh, i, rng::key(&[seed, u64::from(i), 0x6E61_7272_6F77]))
+        mesh.elements()[i as usize].exposed() < KNOWN || pools.n() <= MOST && is_between_others(world, mesh, i, key(i))
     };
     (0..pools.n()).into_par_iter().map(is_narrow).collect()
 }
@@ -90,7 +91,7 @@ mod tests {
     use crate::import::load_bytes;
     use crate::math::CpuPath;
     use crate::math::Vec3;
-    use crate::radiosity::{self, Settings, Solution};
+    use crate::radiosity::{Division, Settings, Solution};
 
     /// Two rooms with a wall of 4 cm between them, in which a slit of 2 cm is open from floor to ceiling; a lamp in one.
     const ROOMS: &str = r#"
@@ -127,11 +128,8 @@ quad = [[0.7, 2.48, 1.2], [1.3, 2.48, 1.2], [1.3, 2.48, 1.8], [0.7, 2.48, 1.8]]
     fn light_through_a_slit_is_not_its_sides_mean() {
         let scene = load_bytes(ROOMS.as_bytes(), Path::new("rooms.toml"), &Default::default()).expect("a scene").0;
         let world = World::prepare(scene, CpuPath::detect()).expect("it is valid");
-        let mut settings = Settings::default();
-        settings.refine.levels = 0;
-        let mut solution: Solution = radiosity::solve(&world, &settings);
-        // What gathers find is to be tested, not what was solved.
-        solution.irradiance.fill([0.0; 3]);
+        let settings = Settings::default();
+        let solution = Solution::to_be_found(&world, Division::new(&world, &settings), &settings);
         let off = |is_twin: bool, seed: u64| -> f32 {
             let mut gather = FinalGather::new(&world, &solution, &[], seed);
             let n_narrow = gather.narrow.iter().filter(|is| **is).count();

@@ -26,7 +26,7 @@ use crate::transport::Shading;
 use crate::transport::media::Media;
 
 /// Pools at most.
-const MOST: usize = 1 << 18;
+pub(super) const MOST: usize = 1 << 18;
 /// Rays of all elements, about, of one at least and at most, and for its first look.
 const BUDGET: usize = 1 << 21;
 const RAYS: [usize; 2] = [32, 1024];
@@ -67,19 +67,22 @@ impl FinalGather<'_> {
             return self;
         }
         let rays = (BUDGET / n).min(rays as usize).clamp(RAYS[0], RAYS[1]);
+        let mut rows;
         if self.irradiance.iter().any(|e| !e.is_black()) {
-            let rows = self.rows(0..rays, is_over);
-            return self.settle(rows, is_over);
+            rows = self.rows(0..rays, is_over);
+        } else {
+            // Nothing is solved: a first look, to know how near elements may be taken as a whole.
+            let first = self.rows(0..FIRST, is_over);
+            self.settle(&first, is_over);
+            self.near = near(self.mesh, &self.pools, &self.narrow, &self.irradiance);
+            rows = self.rows(FIRST..rays, is_over);
+            let share = FIRST as f32 / rays as f32;
+            rows = first.into_iter().zip(rows).map(|(first, more)| first.mixed(share, more)).collect();
         }
-        // Nothing is solved: a first look, to know how near elements may be taken as a whole.
-        let first = self.rows(0..FIRST, is_over);
-        self = self.settle(first.clone(), is_over);
-        self.near = near(self.mesh, &self.pools, &self.narrow, &self.irradiance);
-        let more = self.rows(FIRST..rays, is_over);
-        let share = FIRST as f32 / rays as f32;
-        let both = first.into_iter().zip(more).map(|(first, more)| first.mixed(share, more));
-        let both = both.collect();
-        self.settle(both, is_over)
+        self.settle(&rows, is_over);
+        let centres: Vec<Vec3> = rows.iter().zip(&self.slopes).map(|(row, old)| row.centre.unwrap_or(old.centre)).collect();
+        self.slopes = slopes(self.mesh, &self.pools, &self.irradiance, &centres);
+        self
     }
 
     /// With irradiances, over π, that were found before, and what they are around. `None` where they are not as many as pools.
@@ -101,13 +104,13 @@ impl FinalGather<'_> {
     }
 
     /// Finds the light of all pools.
-    fn settle(mut self, rows: Vec<Row>, is_over: &(dyn Fn() -> bool + Sync)) -> Self {
+    fn settle(&mut self, rows: &[Row], is_over: &(dyn Fn() -> bool + Sync)) {
         let most = self.reflectance.iter().map(|rho| rho.max_channel()).fold(REFLECTED[0], f32::max).min(REFLECTED[1]);
-        let rows: Vec<Row> = rows.into_iter().map(|row| row.limited(most)).collect();
+        let passed: Vec<Spectrum> = rows.iter().map(|row| row.passed(most)).collect();
         for _ in 0..SWEEPS {
             let mut change = 0.0f32;
-            for (i, row) in rows.iter().enumerate() {
-                let Some(e) = row.asks(&self.irradiance) else { continue };
+            for (i, (row, passed)) in rows.iter().zip(&passed).enumerate() {
+                let Some(e) = row.asks(&self.irradiance, *passed) else { continue };
                 let old = self.irradiance[i];
                 change = change.max((e - old).map(f32::abs).max_channel() / e.max_channel().max(f32::MIN_POSITIVE));
                 self.irradiance[i] = e;
@@ -116,10 +119,6 @@ impl FinalGather<'_> {
                 break;
             }
         }
-        let centres = rows.iter().zip(&self.slopes).map(|(row, old)| row.centre.unwrap_or(old.centre));
-        let centres: Vec<Vec3> = centres.collect();
-        self.slopes = slopes(self.mesh, &self.pools, &self.irradiance, &centres);
-        self
     }
 
     /// About as many places on a pool from which rays go out: an element, and which of its points. Others are those of other ranges.
@@ -230,20 +229,17 @@ impl Row {
         Self { constant, centre, links: by_pool(part(self, share).chain(part(other, 1.0 - share)).collect()) }
     }
 
-    /// No surface reflects more than it receives: what chance made more, for few rays, would grow without end from pool to pool.
-    fn limited(mut self, most: f32) -> Self {
+    /// The part that is passed on of what its links say: no surface reflects more than it receives, and what chance made more, for few rays, would grow without end from
+    /// pool to pool.
+    fn passed(&self, most: f32) -> Spectrum {
         let sum = self.links.iter().map(|link| link.1).sum::<Spectrum>();
-        let left = sum.map(|sum| if sum > most { most / sum } else { 1.0 });
-        if left != Spectrum::WHITE {
-            self.links.iter_mut().for_each(|link| link.1 = link.1 * left);
-        }
-        self
+        sum.map(|sum| if sum > most { most / sum } else { 1.0 })
     }
 
-    /// The irradiance over π that it asks for; none where that is not finite.
-    fn asks(&self, irradiance: &[Spectrum]) -> Option<Spectrum> {
+    /// The irradiance over π that it asks for, where such a part is passed on; none where that is not finite.
+    fn asks(&self, irradiance: &[Spectrum], passed: Spectrum) -> Option<Spectrum> {
         let sum = self.links.iter().map(|&(j, weight)| weight * irradiance[j as usize]).sum::<Spectrum>();
-        let e = self.constant + sum;
+        let e = self.constant + passed * sum;
         (e.to_array().iter().all(|v| v.is_finite())).then_some(e)
     }
 }
