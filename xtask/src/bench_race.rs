@@ -13,14 +13,31 @@ use crate::race_room::{Prepared, ROOMS, Room};
 
 /// The errors at which programs are compared.
 const TARGETS: [f64; 2] = [1e-3, 1.8e-4];
-/// Options of the hybrid: two quick pictures, one with more samples where neighbouring pixels differ, the default, as it is and at four samples, and one that took its time.
-const OURS: [(&str, &[&str]); 6] = [
+/// Options of the hybrid: three quick pictures, one with more samples where neighbouring pixels differ, the default, as it is and at four samples, and one that took its time.
+const OURS: [(&str, &[&str]); 7] = [
     ("hybrid, quickest", &["--spp", "1", "--elements", "500", "--cache", "0.8", "--gather", "32", "--samples", "1"]),
     ("hybrid, quick", &["--spp", "1", "--elements", "500", "--cache", "0.8", "--gather", "128"]),
-    ("hybrid, at edges", &["--adaptive", "0.6", "--adaptive-level", "2", "--cache", "0.8", "--gather", "64", "--samples", "1"]),
+    ("hybrid, quick, 4", &["--spp", "4", "--elements", "500", "--cache", "0.8", "--gather", "32", "--samples", "1"]),
+    (
+        "hybrid, at edges",
+        &[
+            "--adaptive",
+            "0.6",
+            "--adaptive-level",
+            "2",
+            "--elements",
+            "2000",
+            "--cache",
+            "0.8",
+            "--gather",
+            "64",
+            "--samples",
+            "1",
+        ],
+    ),
     ("hybrid", &["--spp", "1"]),
     ("hybrid, 4 samples", &["--spp", "4"]),
-    ("hybrid, fine", &["--spp", "1", "--cache", "0.1", "--elements", "4000"]),
+    ("hybrid, fine", &["--spp", "1", "--elements", "16000", "--cache", "0.15", "--gather", "512"]),
 ];
 
 /// Runs all programs on each room and prints the tables.

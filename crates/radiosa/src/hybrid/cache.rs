@@ -16,6 +16,8 @@
 //! By the trapezium rule that is exact for quadratic light where records lie evenly around `x`, while `E_i + (x − x_i)·∇_i` would be off by half its second
 //! derivative times the mean square of their distances, and all in the same direction.
 
+use rayon::prelude::*;
+
 use super::gather::{Gathered, Shift};
 use crate::math::{Bounds, Vec3};
 use crate::sampling::rng;
@@ -100,6 +102,11 @@ const DEPTH: u32 = 16;
 const STEEP: f32 = 0.3;
 /// How far below the tangent plane of a record it still counts, by its radius: what lies there may see less.
 const BELOW: f32 = 0.02;
+/// A record is doubted when it differs from the mean of those around it by more than so many times their standard deviation, and by more than this part of it; of fewer
+/// than so many others nothing is said.
+const ODD: f32 = 4.0;
+const TELLS: f32 = 0.1;
+const AROUND: u32 = 4;
 
 impl Cache {
     /// Empty, for what lies in `bounds`.
@@ -134,6 +141,35 @@ impl Cache {
         let index = self.records.len() as u32;
         self.records.push(Record { p, n, radius, gathered, kept, shift });
         self.place(0, (self.middle, self.half), index, DEPTH);
+    }
+
+    /// The records from one on that say something else than all around them, by rising index: few rays that met something bright.
+    pub(super) fn doubted(&self, from: usize, stretched: f32) -> Vec<usize> {
+        let is_odd = |i: &usize| {
+            let record = &self.records[*i];
+            let (mut n, mut weights, mut sum, mut squares) = (0, 0.0, 0.0, 0.0);
+            self.each(record.p, record.n, stretched, |other, weight| {
+                if !std::ptr::eq(record, other) {
+                    let e = other.gathered.irradiance.luminance();
+                    (n, weights, sum, squares) = (n + 1, weights + weight, sum + weight * e, squares + weight * e * e);
+                }
+            });
+            let mean = sum / weights;
+            let deviation = (squares / weights - mean * mean).max(0.0).sqrt();
+            n >= AROUND && (record.gathered.irradiance.luminance() - mean).abs() > (ODD * deviation).max(TELLS * mean)
+        };
+        (from..self.records.len()).into_par_iter().filter(is_odd).collect()
+    }
+
+    /// The normal of a record, and the rays it was gathered by.
+    pub(super) fn asked(&self, index: usize) -> (Vec3, u32) {
+        let Record { n, gathered, .. } = &self.records[index];
+        (*n, gathered.rays)
+    }
+
+    /// A record says something else from now on, as far as it did.
+    pub(super) fn replace(&mut self, index: usize, gathered: Gathered) {
+        self.records[index].gathered = gathered;
     }
 
     /// What was gathered for its records, in their order.
@@ -239,4 +275,38 @@ fn child_of((middle, half): (Vec3, f32), child: usize) -> (Vec3, f32) {
     let half = 0.5 * half;
     let side = |axis: usize| if child >> axis & 1 == 1 { half } else { -half };
     (middle + Vec3::new(side(0), side(1), side(2)), half)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Records all over a square metre, of light that changes across it with a little noise; the one in the middle `times` as bright.
+    fn cache(times: f32) -> Cache {
+        let mut cache = Cache::new(Bounds { min: Vec3::ZERO, max: Vec3::ONE }, 0.2);
+        for i in 0..121u64 {
+            let [x, y] = [(i % 11) as f32 / 10.0, (i / 11) as f32 / 10.0];
+            let noise = 0.02 * (rng::unit_f32(rng::mix(i) as u32) - 0.5);
+            let e = (2.0 + x - 0.5 * y) * (1.0 + noise) * if i == 60 { times } else { 1.0 };
+            let gathered = Gathered { irradiance: Spectrum::gray(e), distance: 1.0, rays: 64, ..Gathered::default() };
+            cache.insert(Known { p: Vec3::new(x, y, 0.0), n: Vec3::Z, gathered, shift: Shift::default() }, [0.0, 0.0]);
+        }
+        cache
+    }
+
+    #[test]
+    fn what_differs_from_all_around_it_is_doubted() {
+        for times in [0.5, 1.5] {
+            let mut cache = cache(times);
+            assert_eq!(cache.doubted(0, 1.0), [60], "{times}");
+            assert_eq!(cache.doubted(61, 1.0), [0; 0], "records of earlier views stay as they are");
+            let said = cache.irradiance(Vec3::new(0.5, 0.5, 0.0), Vec3::Z, 1.0);
+            let again = Gathered { irradiance: Spectrum::gray(2.25), ..cache.records[60].gathered };
+            cache.replace(60, again);
+            assert_eq!(cache.doubted(0, 1.0), [0; 0]);
+            assert_ne!(cache.irradiance(Vec3::new(0.5, 0.5, 0.0), Vec3::Z, 1.0), said);
+        }
+        // The twin: nothing is odd about light that changes smoothly.
+        assert_eq!(cache(1.0).doubted(0, 1.0), [0; 0]);
+    }
 }

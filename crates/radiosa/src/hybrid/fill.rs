@@ -25,6 +25,8 @@ const AT_ONCE: usize = 256;
 /// Of the error allowed to the cache, the part that the noise of gathers may have; where those around have more they get more rays, up to so many times as many.
 const NOISE: f32 = 0.06;
 const MORE: f32 = 6.0;
+/// What says something else than all around it is gathered again by so many times the rays.
+const AGAIN: u32 = 8;
 /// Records reach this many pixels at least.
 const LEAST: f32 = 3.0;
 /// And this part of the picture's longer side at most: where light changes little, many records with few rays each are as quiet as few with many, and bend less.
@@ -43,6 +45,9 @@ pub struct Filling<'a, 'b> {
     part: u32,
     /// Rays so far.
     n_rays: u64,
+    /// Records that were there before, and where those made since are.
+    before: usize,
+    made: Vec<Surface>,
 }
 
 /// How many pixels a record reaches at least and at most, in a picture of some size.
@@ -68,12 +73,29 @@ impl<'a, 'b> Filling<'a, 'b> {
             let reach = reach(size).map(|pixels| pixels * across(pixel.width(distance, cos), cos));
             hybrid.cache.insert(known, reach);
         }
-        Self { pixel: widths, hybrid, view, size, stride: FIRST, part: 0, n_rays: 0 }
+        let before = hybrid.cache.len();
+        Self { pixel: widths, hybrid, view, size, stride: FIRST, part: 0, n_rays: 0, before, made: Vec::new() }
     }
 
     /// Rays traced so far.
     pub fn n_rays(&self) -> u64 {
         self.n_rays
+    }
+
+    /// Gathers once more where few rays that met something bright have made a spot.
+    fn doubt(&mut self) {
+        let doubted = self.hybrid.cache.doubted(self.before, super::STRETCHED);
+        let hybrid = &*self.hybrid;
+        let again = |&i: &usize| {
+            let (n, rays) = hybrid.cache.asked(i);
+            let (key, mut n_rays) = (rng::key(&[hybrid.settings.seed, i as u64, 0x6461_696E_6165]), 0);
+            (hybrid.gather.gather(&self.made[i - self.before], n, AGAIN * rays, key, &mut n_rays), n_rays)
+        };
+        let gathered: Vec<_> = doubted.par_iter().map(again).collect();
+        for (i, (gathered, n_rays)) in doubted.into_iter().zip(gathered) {
+            self.n_rays += n_rays;
+            self.hybrid.cache.replace(i, gathered);
+        }
     }
 
     /// The pixels of this step.
@@ -142,11 +164,13 @@ impl<'a> Solver for Filling<'a, '_> {
                 self.n_rays += n_rays;
                 let reach = [least, most].map(|pixels| pixels * pixel * w.width);
                 self.hybrid.cache.insert(Known { p: w.surface.p, n: w.n, gathered, shift }, reach);
+                self.made.push(w.surface);
             }
         }
         let is_last_part = self.stride == FIRST || self.part == 2;
         (self.stride, self.part) = if is_last_part { (self.stride / 2, 0) } else { (self.stride, self.part + 1) };
         if self.stride < LAST {
+            self.doubt();
             return Step::Converged;
         }
         let stages = f64::from(FIRST.ilog2() - LAST.ilog2() + 1);
