@@ -107,7 +107,7 @@ const MANY: u64 = 1 << 18;
 /// What the hybrid takes of processor time, seconds: for an element's place in the mesh, for a ray of one, for a camera sample, and for a ray of the gathers a pixel needs
 /// in the mean. A sample takes 3 µs in Cornell's box and 20 µs in the furnished room, whose window has bars: this is between both.
 const AN_ELEMENT: f64 = 4e-5;
-const AN_ELEMENTS_RAY: f64 = 4e-6;
+const AN_ELEMENTS_RAY: f64 = 2e-6;
 const A_SAMPLE: f64 = 1.5e-5;
 const A_PIXELS_RAY: f64 = 3e-7;
 

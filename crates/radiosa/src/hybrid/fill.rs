@@ -27,6 +27,7 @@ const NOISE: f32 = 0.06;
 const MORE: f32 = 6.0;
 /// What says something else than all around it is gathered again by so many times the rays.
 const AGAIN: u32 = 8;
+const MOST_AGAIN: u32 = 1 << 16;
 /// Records reach this many pixels at least.
 const LEAST: f32 = 3.0;
 /// And this part of the picture's longer side at most: where light changes little, many records with few rays each are as quiet as few with many, and bend less.
@@ -89,12 +90,15 @@ impl<'a, 'b> Filling<'a, 'b> {
         let again = |&i: &usize| {
             let (n, rays) = hybrid.cache.asked(i);
             let (key, mut n_rays) = (rng::key(&[hybrid.settings.seed, i as u64, 0x6461_696E_6165]), 0);
-            (hybrid.gather.gather(&self.made[i - self.before], n, AGAIN * rays, key, &mut n_rays), n_rays)
+            (
+                hybrid.gather.gather(&self.made[i - self.before], n, (AGAIN * rays).min(rays.max(MOST_AGAIN)), key, &mut n_rays),
+                n_rays,
+            )
         };
         let gathered: Vec<_> = doubted.par_iter().map(again).collect();
         for (i, (gathered, n_rays)) in doubted.into_iter().zip(gathered) {
             self.n_rays += n_rays;
-            self.hybrid.cache.replace(i, gathered);
+            self.hybrid.cache.replace(i, gathered, super::STRETCHED);
         }
     }
 

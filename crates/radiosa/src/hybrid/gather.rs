@@ -411,14 +411,13 @@ impl<'a> FinalGather<'a> {
         n_rays: &mut u64,
     ) -> Spectrum {
         let mut stream = Stream::new(reach.key, 0, 0);
+        // (As its facet lies: by the normals of what is shown as smooth, light from behind the facet would come through.)
+        let n = if surface.is_front(shading.wo) { surface.ng } else { -surface.ng };
+        let shading = &Shading { n, ..*shading };
         let direct =
             self.near_lights.at_random(self.world, surface, shading, Some(&Media::VACUUM), (1, &mut stream), n_rays).diffuse;
         let u = if reach.bounces == 0 { reach.bounce } else { stream.next_2d() };
-        let dir = Frame::from_normal(shading.n).to_world(warp::cosine_hemisphere(u));
-        let side = if surface.is_front(shading.wo) { surface.ng } else { -surface.ng };
-        if dir.dot(side) <= 0.0 {
-            return direct;
-        }
+        let dir = Frame::from_normal(n).to_world(warp::cosine_hemisphere(u));
         let rho = shading.bsdf.diffuse_reflectance();
         // In narrow places all that is met is near: what goes on there ends by chance, as much as is absorbed.
         let goes_on = chance * if reach.bounces < SURE { 1.0 } else { rho.max_channel().min(0.95) };

@@ -80,6 +80,7 @@ impl FinalGather<'_> {
             rows = first.into_iter().zip(rows).map(|(first, more)| first.mixed(share, more)).collect();
         }
         self.settle(&rows, is_over);
+        self.near = near(self.mesh, &self.pools, &self.narrow, &self.irradiance);
         let centres: Vec<Vec3> = rows.iter().zip(&self.slopes).map(|(row, old)| row.centre.unwrap_or(old.centre)).collect();
         self.slopes = slopes(self.mesh, &self.pools, &self.irradiance, &centres);
         self
@@ -218,14 +219,14 @@ fn by_pool(mut links: Vec<(u32, Spectrum)>) -> Vec<(u32, Spectrum)> {
 }
 
 impl Row {
-    /// A share of it, and the rest of another.
+    /// A share of it, and the rest of another; all of it where that has no places.
     fn mixed(self, share: f32, other: Self) -> Self {
+        if other.centre.is_none() {
+            return self;
+        }
         let part = |row: Self, share: f32| row.links.into_iter().map(move |(j, weight)| (j, weight * share));
         let constant = self.constant * share + other.constant * (1.0 - share);
-        let centre = match (self.centre, other.centre) {
-            (Some(a), Some(b)) => Some(a * share + b * (1.0 - share)),
-            (a, b) => a.or(b),
-        };
+        let centre = self.centre.zip(other.centre).map(|(a, b)| a * share + b * (1.0 - share)).or(other.centre);
         Self { constant, centre, links: by_pool(part(self, share).chain(part(other, 1.0 - share)).collect()) }
     }
 
@@ -241,5 +242,21 @@ impl Row {
         let sum = self.links.iter().map(|&(j, weight)| weight * irradiance[j as usize]).sum::<Spectrum>();
         let e = self.constant + passed * sum;
         (e.to_array().iter().all(|v| v.is_finite())).then_some(e)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_look_from_nowhere_takes_nothing_away() {
+        let row =
+            |e: f32, centre: Option<Vec3>| Row { constant: Spectrum::gray(e), centre, links: vec![(3, Spectrum::gray(0.5 * e))] };
+        let nowhere = row(1.0, Some(Vec3::X)).mixed(0.25, Row::default());
+        assert_eq!((nowhere.constant.g, nowhere.links[0].1.g, nowhere.centre), (1.0, 0.5, Some(Vec3::X)));
+        let both = row(1.0, Some(Vec3::X)).mixed(0.25, row(3.0, Some(-Vec3::X)));
+        assert_eq!((both.constant.g, both.links[0].1.g, both.centre), (2.5, 1.25, Some(-0.5 * Vec3::X)));
+        assert_eq!(row(1.0, None).mixed(0.25, row(3.0, Some(Vec3::Y))).centre, Some(Vec3::Y));
     }
 }
