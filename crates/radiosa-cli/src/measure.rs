@@ -123,6 +123,9 @@ fn measure(args: &Measure, json: bool) -> Result<ExitCode, Error> {
     }
     if let Some(s) = summary.filter(|_| !args.work.quiet) {
         let uniformity = s.uniformity();
+        if s.max <= 0.0 {
+            tell("warning[dark]: no light reaches any sensor: look whether the scene has lights, and which way sensors face");
+        }
         tell(&format!(
             "sensors     {}\nilluminance min {:.4} mean {:.4} max {:.4} {unit}, uniformity {uniformity:.3}",
             sensors.len(),

@@ -400,12 +400,15 @@ fn values_of_a_model_can_be_set_as_an_include_changes_them() {
 
 #[test]
 fn auto_takes_the_method_that_suits_options_scene_and_time() {
-    let cases: [(&[&str], &str); 12] = [
+    let cases: [(&[&str], &str); 14] = [
         (&["shadow"], "hybrid"),
         (&["phong-spheres"], "raycast"),
         (&["whitted"], "whitted"),
         (&["whitted", "--environment", "1,1,1"], "hybrid"),
         (&["shadow", "--time", "20ms", "--size", "640x480"], "path"),
+        // (By quick settings; the twin has time for its own.)
+        (&["shadow", "--time", "1s", "--size", "120x90"], "hybrid"),
+        (&["shadow", "--time", "30s", "--size", "120x90"], "hybrid"),
         (&["shadow", "--noise", "0.2"], "path"),
         (&["shadow", "--interpolation", "flat"], "scanline"),
         (&["shadow", "--emitters", "2"], "raycast"),
@@ -423,5 +426,7 @@ fn auto_takes_the_method_that_suits_options_scene_and_time() {
         let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
         assert_eq!(report["method"], method, "{args:?}: {report}");
         assert_eq!(report["why"].is_string(), !args.contains(&"--method"), "{report}");
+        let is_quick = report["why"].as_str().is_some_and(|why| why.contains("--gather 32"));
+        assert_eq!(is_quick, args.contains(&"1s"), "{report}");
     }
 }

@@ -31,6 +31,8 @@ pub(crate) struct Choice {
     /// Never [`Method::Auto`].
     pub(crate) method: Method,
     pub(crate) why: Option<&'static str>,
+    /// Settings of the hybrid that nobody typed are those of a quick picture.
+    pub(crate) is_quick: bool,
 }
 
 /// Decides about `auto`, with the `time` there is and the options that were typed.
@@ -43,6 +45,14 @@ pub(crate) fn choose(picture: &Picture, stage: &Stage, time: Option<Duration>, g
     let has_links = picture.radiosity.solver == args::Solver::Hierarchical && is_new;
     if picture.overlay.contains(&args::Overlay::Links) && !has_links {
         return Err(Error::Misuse("--overlay links wants --solver hierarchical, and a solution made on the spot".into()));
+    }
+    if let Some([x, y]) = picture.links_of.filter(|[x, y]| *x >= stage.size.width || *y >= stage.size.height) {
+        let (width, height) = (stage.size.width, stage.size.height);
+        return Err(Error::Misuse(format!(
+            "--links-of {x},{y} lies outside the picture: name a pixel from 0,0 to {},{}",
+            width - 1,
+            height - 1
+        )));
     }
     let choice = auto::by_options(picture, given).unwrap_or_else(|| auto::by_scene(picture, stage, time, given));
     let shows = match choice.method {
@@ -75,6 +85,17 @@ pub(crate) fn about_media(scene: &Scene, by: &str, knows_media: bool) -> Option<
 }
 
 impl Choice {
+    /// For this reason; for none where it was asked for.
+    pub(crate) fn of(method: Method, why: Option<&'static str>) -> Self {
+        Self { method, why, is_quick: false }
+    }
+
+    /// The picture by this choice; `given` are the options that were typed.
+    pub(crate) fn settle(self, picture: &Picture, given: &[String]) -> Picture {
+        let picture = Picture { method: self.method, ..picture.clone() };
+        if self.is_quick { auto::quick(&picture, given) } else { picture }
+    }
+
     /// Its name on the command line.
     pub(crate) fn name(self) -> &'static str {
         match self.method {
@@ -135,7 +156,7 @@ impl Choice {
     /// Why an option has no effect, if so.
     pub(crate) fn why_ignored(self, option: &str, picture: &Picture) -> Option<String> {
         if let Some(methods) = methods_of(option).filter(|methods| !methods.contains(&self.method)) {
-            let names: Vec<&str> = methods.iter().map(|&method| Self { method, why: None }.name()).collect();
+            let names: Vec<&str> = methods.iter().map(|&method| Self::of(method, None).name()).collect();
             return Some(format!("--{option} changes nothing with --method {}; it is for {}", self.name(), names.join(", ")));
         }
         (self.adaptive(picture).is_some() && matches!(option, "spp" | "filter"))

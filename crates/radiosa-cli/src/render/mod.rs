@@ -16,7 +16,7 @@ use radiosa::export::image::{self, ExrDepth, PngDepth};
 use radiosa::import::Warning;
 use serde_json::json;
 
-use crate::args::{self, Picture, Render, Work};
+use crate::args::{self, Render, Work};
 use crate::error::Error;
 use crate::false_color;
 use crate::interrupt;
@@ -63,7 +63,7 @@ fn render(args: &Render, json: bool) -> Result<ExitCode, Error> {
     let stage = Stage::new(scene, picture, &args.given, work)?;
     let layers = plan::layers(&args.layers, &outputs);
     let choice = method::choose(picture, &stage, work.time, &args.given)?;
-    let picture = &Picture { method: choice.method, ..picture.clone() };
+    let picture = &choice.settle(picture, &args.given);
     let what = format!("a picture of {}x{} with its scene", stage.size.width, stage.size.height);
     plan::within_memory(&what, stage.memory_with(&layers) + choice.memory(&stage, picture, &layers), work)?;
     let begun = Instant::now();

@@ -280,7 +280,7 @@ fn draw_all(cells: &[Cell], options: &[String], work: &Work, warnings: &mut Vec<
         let picture: &Picture = &cells[i].picture;
         let stage = stage(&cells[i], options, work, warnings)?;
         let choice = method::choose(picture, &stage, left, options)?;
-        let picture = &Picture { method: choice.method, ..picture.clone() };
+        let picture = &choice.settle(picture, options);
         plan::within_memory("a cell with its scene", stage.memory_with(&layers) + choice.memory(&stage, picture, &layers), work)?;
         let begun = Instant::now();
         let work = Work { time: left, ..work.clone() };
