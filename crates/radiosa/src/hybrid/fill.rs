@@ -25,7 +25,7 @@ const AT_ONCE: usize = 256;
 /// Of the error allowed to the cache, the part that the noise of gathers may have; where those around have more they get more rays, up to so many times as many.
 const NOISE: f32 = 0.06;
 const MORE: f32 = 6.0;
-/// What says something else than all around it is gathered again by so many times the rays.
+/// What says something else than all around it is gathered again by so many times the rays, and by no more than so many where it had fewer.
 const AGAIN: u32 = 8;
 const MOST_AGAIN: u32 = 1 << 16;
 /// Records reach this many pixels at least.
@@ -46,8 +46,7 @@ pub struct Filling<'a, 'b> {
     part: u32,
     /// Rays so far.
     n_rays: u64,
-    /// Records that were there before, and where those made since are.
-    before: usize,
+    /// Where the records that it made are: the last ones of the cache.
     made: Vec<Surface>,
 }
 
@@ -74,8 +73,7 @@ impl<'a, 'b> Filling<'a, 'b> {
             let reach = reach(size).map(|pixels| pixels * across(pixel.width(distance, cos), cos));
             hybrid.cache.insert(known, reach);
         }
-        let before = hybrid.cache.len();
-        Self { pixel: widths, hybrid, view, size, stride: FIRST, part: 0, n_rays: 0, before, made: Vec::new() }
+        Self { pixel: widths, hybrid, view, size, stride: FIRST, part: 0, n_rays: 0, made: Vec::new() }
     }
 
     /// Rays traced so far.
@@ -85,15 +83,14 @@ impl<'a, 'b> Filling<'a, 'b> {
 
     /// Gathers once more where few rays that met something bright have made a spot.
     fn doubt(&mut self) {
-        let doubted = self.hybrid.cache.doubted(self.before, super::STRETCHED);
+        let before = self.hybrid.cache.len() - self.made.len();
+        let doubted = self.hybrid.cache.doubted(before, super::STRETCHED);
         let hybrid = &*self.hybrid;
         let again = |&i: &usize| {
             let (n, rays) = hybrid.cache.asked(i);
             let (key, mut n_rays) = (rng::key(&[hybrid.settings.seed, i as u64, 0x6461_696E_6165]), 0);
-            (
-                hybrid.gather.gather(&self.made[i - self.before], n, (AGAIN * rays).min(rays.max(MOST_AGAIN)), key, &mut n_rays),
-                n_rays,
-            )
+            let rays = (AGAIN * rays).min(rays.max(MOST_AGAIN));
+            (hybrid.gather.gather(&self.made[i - before], n, rays, key, &mut n_rays), n_rays)
         };
         let gathered: Vec<_> = doubted.par_iter().map(again).collect();
         for (i, (gathered, n_rays)) in doubted.into_iter().zip(gathered) {
