@@ -1,10 +1,17 @@
-"""Processor seconds × relMSE of `radiosa render --method path` and of Mitsuba 3.9's `path`, both at two threads, whole processes, interleaved.
+"""Processor seconds × relMSE of path tracers: `radiosa render --method path`, Mitsuba's `path`, Blender's Cycles and LuxCore's paths, each at two threads, interleaved.
 
-    race.py RADIOSA FOLDER SECONDS TURNS [SCENE...]
-    race.py draw SCENE.toml HEIGHT SPP SEED OUT.npy      one picture by Mitsuba, in a process of its own
+    race.py RADIOSA FOLDER SECONDS TURNS [PROGRAM...] [SCENE...]
 
-relMSE is the mean over pixels and channels of (L - R)²/(R² + ε), ε = ½ (mean luminance)², less what the reference's own variance adds to it. Each program is judged by the other's
-reference, of ten times as much work in eight runs whose spread tells that variance. `ztest.py` says that both mean the same picture.
+Each program draws TURNS pictures with seeds of their own, each of about SECONDS of processor time. Of its pictures P, their mean P̄ and their variance Var P (of one picture):
+
+    relMSE = mean of Var P/(R² + ε) over pixels and channels,   ε = ½ (mean luminance of R)²,   R the mean of all pictures of Radiosa and Mitsuba
+    bias²  = mean of ((P̄ - R)² - Var(P̄ - R))/(R² + ε)
+
+relMSE is that of noise alone, so bias² says what a program draws otherwise than R, and so does the mean of its pictures over R's. (R is half Radiosa's and half Mitsuba's:
+theirs is a quarter of that of their difference, and `ztest.py` says that there is none. What Cycles and LuxCore mean otherwise is in `by_cycles.py` and `by_luxcore.py`.)
+
+Seconds are those of whole processes, in brackets without starting Python and reading the scene. RADIOSA_BPY and RADIOSA_LUXCORE name the Python that has bpy and the one that
+has pyluxcore, both with numpy; else it is python3. A program that is not there is left out.
 """
 
 import os
@@ -12,28 +19,33 @@ import pathlib
 import subprocess
 import sys
 import tempfile
-import time
 
-import mitsuba as mi
 import numpy as np
 
-from ztest import mitsuba, radiosa
+from ztest import LUMINANCE, radiosa
 import translate
 
 SCENES = {"cornell-box": 512, "metal": 256, "rough-glass": 256, "glass": 256, "many-lamps": 256, "sky": 256, "coated": 256, "mirrors": 256}
 RACE = ["cornell-box", "metal", "rough-glass", "many-lamps", "sky", "coated"]
-REFERENCES = 8
+JUDGES = ["Radiosa", "Mitsuba"]
+# Script, Python, and what it has to import.
+OTHERS = {
+    "Mitsuba": ("by_mitsuba.py", sys.executable, "mitsuba"),
+    "Cycles": ("by_cycles.py", os.environ.get("RADIOSA_BPY", "python3"), "bpy"),
+    "LuxCore": ("by_luxcore.py", os.environ.get("RADIOSA_LUXCORE", "python3"), "pyluxcore"),
+}
 
 
-def draw(path, height, spp, seed, out):
-    """Of at most 64 samples a pixel at once: more take too much memory."""
-    scene = translate.load(path, pathlib.Path(path).parent, int(height))
-    start = time.process_time()
-    n = -(-int(spp) // 64)
-    shares = [int(spp) // n + (k < int(spp) % n) for k in range(n)]
-    picture = sum(share * mitsuba(scene, share, n * int(seed) + k) for k, share in enumerate(shares)) / int(spp)
-    np.save(out, picture)
-    print(time.process_time() - start)
+def is_there(name):
+    if name == "Radiosa":
+        return True
+    _, python, module = OTHERS[name]
+    try:
+        subprocess.run([python, "-c", f"import numpy, {module}"], check=True, capture_output=True)
+    except (OSError, subprocess.CalledProcessError):
+        print(f"{name} is left out: {python} has no {module}", flush=True)
+        return False
+    return True
 
 
 class Program:
@@ -43,58 +55,63 @@ class Program:
     def picture(self, spp, seed):
         """A picture, and what the whole process took and the drawing alone."""
         before = os.times()
+        seconds = lambda: sum(os.times()[2:4]) - sum(before[2:4])
         if self.name == "Radiosa":
             picture = radiosa(self.program, self.path, self.size, spp, seed)
-            after = os.times()
-            whole = sum(after[2:4]) - sum(before[2:4])
-            return picture, whole, whole
+            return picture, seconds(), seconds()
+        script, python, _ = OTHERS[self.name]
         with tempfile.NamedTemporaryFile(suffix=".npy") as file:
-            command = [sys.executable, __file__, "draw", self.path, self.height, spp, seed, file.name]
+            command = [python, pathlib.Path(__file__).with_name(script), self.path, self.height, spp, seed, file.name]
             said = subprocess.run([str(word) for word in command], check=True, capture_output=True, text=True).stdout
-            after = os.times()
-            return np.load(file.name), sum(after[2:4]) - sum(before[2:4]), float(said.split()[-1])
+            return np.load(file.name).astype(np.float64), seconds(), float(said.split()[-1])
 
     def samples_in(self, seconds):
-        """About how many samples a pixel take that long."""
-        few = [self.picture(n, 1)[1] for n in (4, 36)]
-        a_sample = max((few[1] - few[0]) / 32, 1e-4)
-        return max(int((seconds - few[0]) / a_sample), 4)
+        """About how many samples a pixel take that long: from one sample's time, and that of enough to take a tenth of it longer."""
+        n, start = 4, self.picture(1, 1)[1]
+        while (took := self.picture(n, 1)[1] - start) < seconds / 10:
+            n *= 4
+        return max(round(1 + (n - 1) * (seconds - start) / took), 1)
 
 
-def relmse(picture, reference, variance):
-    epsilon = 0.5 * (reference @ [0.2126, 0.7152, 0.0722]).mean() ** 2
-    return (((picture - reference) ** 2 - variance) / (reference**2 + epsilon)).mean()
-
-
-def race(program, folder, seconds, turns, name):
-    path = folder / f"{name}.toml"
-    height = SCENES[name]
+def race(program, folder, seconds, turns, names, scene):
+    path, height = folder / f"{scene}.toml", SCENES[scene]
     _, aspect = translate.scene(path, folder)
-    both = [Program(who, program, path, height, (round(aspect * height), height)) for who in ("Radiosa", "Mitsuba")]
-    spp = [one.samples_in(seconds) for one in both]
-    runs = [[], []]
+    programs = [Program(name, program, path, height, (round(aspect * height), height)) for name in names]
+    spp = {one.name: one.samples_in(seconds) for one in programs}
+    runs = {name: [] for name in names}
     for turn in range(turns):
-        for k, one in enumerate(both):
-            runs[k].append(one.picture(spp[k], 100 + turn))
-    references = []
-    for k, one in enumerate(both):
-        pictures = np.array([one.picture(-(-10 * spp[k] // REFERENCES), 1000 + seed)[0] for seed in range(REFERENCES)])
-        references.append((pictures.mean(0), pictures.var(0, ddof=1) / REFERENCES))
-    products = []
-    for k, one in enumerate(both):
-        reference, variance = references[1 - k]
-        errors = [relmse(picture, reference, variance) for picture, _, _ in runs[k]]
-        whole, drawing = (np.median([run[i] for run in runs[k]]) for i in (1, 2))
-        products.append((np.mean(errors) * whole, np.mean(errors) * drawing))
-        print(f"{name:12} {one.name:8} {spp[k]:6} samples  {whole:6.1f} s ({drawing:6.1f} s)  relMSE {np.mean(errors):.2e}  product {products[k][0]:.4f} ({products[k][1]:.4f})", flush=True)
-    print(f"{name:12} Radiosa over Mitsuba {products[0][0] / products[1][0]:.2f} ({products[0][1] / products[1][1]:.2f})", flush=True)
+        for one in programs:
+            runs[one.name].append(one.picture(spp[one.name], 100 + turn))
+
+    pictures = {name: np.array([picture for picture, _, _ in of]) for name, of in runs.items()}
+    mean = {name: of.mean(0) for name, of in pictures.items()}
+    variance = {name: of.var(0, ddof=1) for name, of in pictures.items()}
+    reference = sum(mean[name] for name in JUDGES) / len(JUDGES)
+    variance_of_reference = sum(variance[name] for name in JUDGES) / (turns * len(JUDGES) ** 2)
+    scale = reference**2 + 0.5 * (reference @ LUMINANCE).mean() ** 2
+    product = {}
+    for name in names:
+        relmse = (variance[name] / scale).mean()
+        # (A judge's mean less R is half of the difference to the other's.)
+        of_difference = variance_of_reference + (0 if name in JUDGES else variance[name] / turns)
+        bias = (((mean[name] - reference) ** 2 - of_difference) / scale).mean()
+        light = (pictures[name] @ LUMINANCE).mean((1, 2)) / (reference @ LUMINANCE).mean() - 1
+        whole, drawing = (np.median([run[i] for run in runs[name]]) for i in (1, 2))
+        product[name] = np.array([relmse * whole, relmse * drawing])
+        print(
+            f"{scene:12} {name:8} {spp[name]:6} samples  {whole:6.1f} s ({drawing:6.1f} s)  relMSE {relmse:.2e}  product {product[name][0]:.4f} ({product[name][1]:.4f})"
+            f"   mean {100 * light.mean():+6.2f} ± {100 * light.std(ddof=1) / turns**0.5:.2f} %  bias² {bias:+.1e}",
+            flush=True,
+        )
+    for name in names[1:]:
+        whole, drawing = product["Radiosa"] / product[name]
+        print(f"{scene:12} Radiosa over {name} {whole:.2f} ({drawing:.2f})", flush=True)
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "draw":
-        draw(*sys.argv[2:])
-    else:
-        program, folder, seconds, turns = sys.argv[1], pathlib.Path(sys.argv[2]), float(sys.argv[3]), int(sys.argv[4])
-        print(f"two threads, about {seconds} s of processor time, {turns} turns; in brackets Mitsuba without starting Python and reading the scene")
-        for name in sys.argv[5:] or RACE:
-            race(program, folder, seconds, turns, name)
+    program, folder, seconds, turns, *rest = sys.argv[1:]
+    chosen = [name for name in rest if name in OTHERS] or list(OTHERS)
+    names = JUDGES + [name for name in chosen if name not in JUDGES and is_there(name)]
+    print(f"two threads, about {seconds} s of processor time, {turns} turns; in brackets without starting Python and reading the scene", flush=True)
+    for scene in [name for name in rest if name not in OTHERS and name != "Radiosa"] or RACE:
+        race(program, pathlib.Path(folder), float(seconds), int(turns), names, scene)

@@ -10,22 +10,16 @@ Where conventions differ:
 - Texture coordinates count from the upper left corner in both, with `flip_tex_coords` off.
 """
 
-import math
 import pathlib
 import tomllib
 
 import mitsuba as mi
 
+from scenefile import known, moved, polygons
+
 
 def rgb(value):
     return {"type": "rgb", "value": [float(v) for v in value] if isinstance(value, list) else [float(value)] * 3}
-
-
-def known(table, *keys):
-    unknown = set(table) - set(keys)
-    if unknown:
-        raise ValueError(f"{sorted(unknown)} cannot be translated")
-    return table
 
 
 def texture(textures, table, folder):
@@ -71,35 +65,6 @@ def bsdf(material, textures, folder):
         matt = material["lambert"]
         one = {"type": "diffuse", "reflectance": texture(textures, matt, folder) if isinstance(matt, dict) else rgb(matt)}
     return {"type": "twosided", "bsdf": one}
-
-
-def moved(transform, p):
-    known(transform, "rotate", "translate")
-    if "rotate" in transform:
-        r = known(transform["rotate"], "axis", "degrees")
-        assert r["axis"] == [0, 1, 0]
-        c, s = math.cos(math.radians(r["degrees"])), math.sin(math.radians(r["degrees"]))
-        p = [c * p[0] + s * p[2], p[1], c * p[2] - s * p[0]]
-    return [a + b for a, b in zip(p, transform.get("translate", [0, 0, 0]))]
-
-
-FACES = [(0, 4, 6, 2), (5, 1, 3, 7), (0, 1, 5, 4), (2, 6, 7, 3), (1, 0, 2, 3), (4, 5, 7, 6)]
-UPRIGHT = [(0, 1), (1, 1), (1, 0), (0, 0)]
-
-
-def polygons(shape):
-    """Polygons of a shape, each a list of corners with texture coordinates."""
-    if "quad" in shape:
-        return [list(zip(shape["quad"], UPRIGHT))]
-    if "polygons" in shape:
-        return [[(p, (0, 0)) for p in polygon] for polygon in shape["polygons"]]
-    if "mesh" in shape:
-        mesh = known(shape["mesh"], "positions", "faces")
-        return [[(mesh["positions"][i], (0, 0)) for i in face] for face in mesh["faces"]]
-    box = known(shape["box"], "min", "max", "inward")
-    corner = lambda i: [box["max" if i >> axis & 1 else "min"][axis] for axis in range(3)]
-    order = reversed if box.get("inward") else iter
-    return [[(corner(i), (0, 0)) for i in order(face)] for face in FACES]
 
 
 def scene(path, folder):

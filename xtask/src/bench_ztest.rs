@@ -1,6 +1,6 @@
 //! `radiosa render --method path` beside Mitsuba 3.9.1 on the scenes of `benches/mitsuba`, each made for both from one scene file:
 //! `cargo xtask bench ztest [SCENE…]` compares their pictures pixel by pixel (`ztest.py` says what has to hold), `cargo xtask bench race-path [--seconds N] [--turns N]
-//! [SCENE…]` what they take for the same error (`race.py`).
+//! [PROGRAM…] [SCENE…]` what they, Cycles and LuxCore take for the same error (`race.py`).
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -15,16 +15,16 @@ pub(crate) fn run(scenes: &[String]) -> Result<()> {
 
 /// Compares what the same error takes.
 pub(crate) fn race(args: &[String]) -> Result<()> {
-    let (mut settings, mut scenes) = ([("--seconds", "10".to_owned()), ("--turns", "3".to_owned())], Vec::new());
+    let (mut settings, mut names) = ([("--seconds", "10".to_owned()), ("--turns", "4".to_owned())], Vec::new());
     let mut args = args.iter();
     while let Some(arg) = args.next() {
         match settings.iter_mut().find(|(name, _)| name == arg) {
             Some((_, value)) => args.next().with_context(|| format!("{arg} wants a number"))?.clone_into(value),
-            None => scenes.push(arg),
+            None => names.push(arg),
         }
     }
     let Prepared { folder, radiosa, scripts } = Prepared::new()?;
-    crate::run(python(&scripts, "race.py").arg(radiosa).arg(folder).args(settings.map(|(_, value)| value)).args(scenes))
+    crate::run(python(&scripts, "race.py").arg(radiosa).arg(folder).args(settings.map(|(_, value)| value)).args(names))
 }
 
 /// The command, and the scenes with what they refer to.

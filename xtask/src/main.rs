@@ -20,7 +20,7 @@ cargo xtask bench factors    form factors beside pyviewfactor (from PyPI, into t
 cargo xtask bench scanline   scan line beside software OpenGL (Debian's libegl1, libgl1-mesa-dri)
 cargo xtask bench rooms      measured rooms beside Mitsuba 3 (from PyPI; Debian's libllvm19)
 cargo xtask bench race [ROOM…]   the hybrid beside POV-Ray with radiosity (Debian's povray) and Mitsuba 3 (from PyPI; Debian's libllvm19)
-cargo xtask bench race-path  path tracing beside Mitsuba 3: what the same error takes (from PyPI, with scipy; Debian's libllvm19)
+cargo xtask bench race-path [PROGRAM…] [SCENE…]   path tracing beside Mitsuba 3, Cycles and LuxCore: what the same error takes (from PyPI, with scipy; Debian's libllvm19)
 cargo xtask bench whitted    Whitted ray tracing beside POV-Ray (Debian's povray)
 cargo xtask bench ztest [SCENE…]   path tracing beside Mitsuba 3, pixel by pixel (from PyPI, with scipy; Debian's libllvm19)
 cargo xtask bench shadow [SIZE…]   errors with and without discontinuity meshing, against a closed form; elements of these sizes in metres

@@ -33,7 +33,8 @@ fn draw(world: &World, side: u32, noise: f64, seed: u64) -> Result<Run, Box<dyn 
     let sampling = Sampling { width: side, height: side, spp: MAX_SAMPLES, filter: Filter::Box, seed, layers };
     // Below zero: so many samples in every pixel.
     let (spp, noise) = if noise < 0.0 { (-noise as u32, None) } else { (MAX_SAMPLES, Some(noise)) };
-    let mut render = ProgressiveRender::new(&method, &view, Settings { sampling: Sampling { spp, ..sampling }, noise })?;
+    let mut render =
+        ProgressiveRender::new(&method, &view, Settings { sampling: Sampling { spp, ..sampling }, noise, blue_noise: None })?;
     while let Step::Working { .. } = render.step(world) {}
     let (spp, range) = (render.n_samples() as f64 / f64::from(side * side), render.samples_a_pixel());
     let noise = render.noise().unwrap_or(f64::NAN);

@@ -48,12 +48,16 @@ impl Stage {
 
 fn passes((width, height): (u32, u32), spp: u32) -> Settings {
     let sampling = Sampling { width, height, spp, filter: Filter::Box, seed: 0, layers: Layer::ALL.to_vec() };
-    Settings { sampling, noise: None }
+    Settings { sampling, noise: None, blue_noise: None }
 }
 
 fn to_noise(size: (u32, u32), noise: f64, seed: u64) -> Settings {
     let Settings { sampling, .. } = passes(size, 1 << 14);
-    Settings { sampling: Sampling { seed, layers: vec![Layer::Color, Layer::Samples], ..sampling }, noise: Some(noise) }
+    Settings {
+        sampling: Sampling { seed, layers: vec![Layer::Color, Layer::Samples], ..sampling },
+        noise: Some(noise),
+        blue_noise: None,
+    }
 }
 
 /// Whatever means the same to the bit; NaN (there is none) would not.
@@ -259,4 +263,60 @@ fn samples_go_where_they_are_needed_and_leave_the_mean_alone() {
     let adaptive: f64 = (0..4).map(|seed| mean(&stage.draw(to_noise(size, 0.1, seed)).0)).sum::<f64>() / 4.0;
     println!("mean {:.5}", adaptive / mean(&even));
     assert!((adaptive / mean(&even) - 1.0).abs() < 4e-3);
+}
+
+/// The mean square of the errors of a channel beside `truth`, of pixels and of means over squares of four by four.
+fn errors(film: &Film, truth: &Film, (width, height): (u32, u32)) -> [f64; 2] {
+    let green = |film: &Film| film.planes().iter().filter(|p| p.layer == Layer::Color).nth(1).expect("green").values.clone();
+    let off: Vec<f64> = green(film).iter().zip(green(truth)).map(|(a, b)| f64::from(a - b)).collect();
+    let mean_of = |side: u32| {
+        let square = |i: u32, j: u32| {
+            let at = |k: u32| off[((j * side + k / side) * width + i * side + k % side) as usize];
+            (0..side * side).map(at).sum::<f64>() / f64::from(side * side)
+        };
+        let squares = (0..height / side).flat_map(|j| (0..width / side).map(move |i| (i, j)));
+        squares.map(|(i, j)| square(i, j).powi(2)).sum::<f64>() * f64::from(side * side) / f64::from(width * height)
+    };
+    [mean_of(1), mean_of(4)]
+}
+
+#[test]
+fn blue_noise_is_as_strong_in_pixels_and_weaker_in_squares_of_them() {
+    let size = (64, 64);
+    // A floor and a wall that shadows some of it from a large lamp; no edge is in the picture.
+    let scene = r#"
+[camera.main]
+position = [0, 2, 0]
+look_at = [0, 0, 0]
+up = [0, 0, -1]
+fov_y = 40
+[material.matt]
+lambert = 0.5
+[material.lamp]
+lambert = 0
+emission = 5
+[[shape]]
+material = "matt"
+quad = [[-4, 0, 4], [4, 0, 4], [4, 0, -4], [-4, 0, -4]]
+[[shape]]
+material = "matt"
+quad = [[1, 0, 2], [1, 1, 2], [1, 1, -2], [1, 0, -2]]
+[[shape]]
+material = "lamp"
+quad = [[3, 1, -1], [3, 1, 1], [3, 3, 1], [3, 3, -1]]
+"#;
+    let stage = Stage::new(world_of(scene_of(scene)), size);
+    let draw = |spp: u32, seed: u64, blue_noise: Option<u32>| {
+        let Settings { sampling, .. } = passes(size, spp);
+        let sampling = Sampling { seed, layers: vec![Layer::Color], ..sampling };
+        stage.draw(Settings { sampling, noise: None, blue_noise }).0
+    };
+    let truth = draw(1024, 9, None);
+    let [white, blue] = [None, Some(4)].map(|blue_noise| {
+        let all: Vec<[f64; 2]> = (0..4).map(|seed| errors(&draw(4, seed, blue_noise), &truth, size)).collect();
+        [0, 1].map(|k| all.iter().map(|e| e[k]).sum::<f64>() / 4.0)
+    });
+    println!("variance of pixels {:.3} of that of white noise, of squares {:.3}", blue[0] / white[0], blue[1] / white[1]);
+    assert!((0.8..1.25).contains(&(blue[0] / white[0])), "{blue:?} {white:?}");
+    assert!(blue[1] < 0.6 * white[1], "{blue:?} {white:?}");
 }

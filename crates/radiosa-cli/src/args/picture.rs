@@ -67,6 +67,14 @@ pub(crate) struct Picture {
     #[arg(long, value_enum, default_value_t = OnOff::Off)]
     pub(crate) multiple_scattering: OnOff,
 
+    /// Look for the light that mirrors and glass throw (caustics) from its sources as well (path tracing): off lamps without size it is found in no other way
+    #[arg(long, value_enum, default_value_t = OnOff::On)]
+    pub(crate) light_tracing: OnOff,
+
+    /// Let the errors of neighbouring pixels cancel, so that noise looks like fine grain, at best with this many samples a pixel (path tracing)
+    #[arg(long, value_name = "SPP", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub(crate) blue_noise: Option<u32>,
+
     /// Whitted ray tracing leaves out a ray of which less than this would reach the picture [default: 1/1024]
     #[arg(long, value_name = "X", default_value_t = 1.0 / 1024.0, value_parser = parse_fraction, hide_default_value = true)]
     pub(crate) min_weight: f32,

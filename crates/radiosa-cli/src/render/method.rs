@@ -185,7 +185,7 @@ pub(crate) fn methods_of(option: &str) -> Option<&'static [Method]> {
         "interpolation" | "cull" | "tessellation" => &[Scanline],
         "max-depth" | "fresnel" | "samples" => &[Whitted, Hybrid, Path],
         "min-weight" | "transparent-shadows" => &[Whitted, Hybrid],
-        "phong" | "multiple-scattering" | "noise" | "resume" | "save-every" => &[Path],
+        "phong" | "multiple-scattering" | "light-tracing" | "blue-noise" | "noise" | "resume" | "save-every" => &[Path],
         "adaptive" | "adaptive-level" => &[Raycast, Whitted, Radiosity, Hybrid],
         "shadows" => &[Raycast, Whitted, Hybrid],
         "environment-shadows" => &[Raycast, Whitted],
@@ -375,7 +375,7 @@ pub(crate) fn draw(
         }
         Method::Hybrid => hybrid(stage, picture, lighting, sampling, watch),
         Method::Path => {
-            let settings = path_settings(stage, picture, &lighting.extra_lights);
+            let settings = path_settings(stage, picture, (sampling.width, sampling.height), &lighting.extra_lights);
             let method = PathTracer::new(world, &settings);
             progressive::draw(&method, &format!("{settings:?}"), stage, picture, sampling, (watch, save))
         }
@@ -601,7 +601,9 @@ fn whitted_settings(stage: &Stage, picture: &Picture, extra_lights: &[Light]) ->
     }
 }
 
-fn path_settings(stage: &Stage, picture: &Picture, extra_lights: &[Light]) -> path::Settings {
+fn path_settings(stage: &Stage, picture: &Picture, (width, height): (u32, u32), extra_lights: &[Light]) -> path::Settings {
+    let n_pixels = u64::from(width) * u64::from(height);
+    let n = n_pixels.clamp(u64::from(FROM_LIGHT[0]), u64::from(FROM_LIGHT[1])) as u32;
     path::Settings {
         max_depth: picture.max_depth,
         branches: picture.samples.unwrap_or(path::Settings::default().branches),
@@ -615,8 +617,12 @@ fn path_settings(stage: &Stage, picture: &Picture, extra_lights: &[Light]) -> pa
         extra_lights: extra_lights.to_vec(),
         footprint: stage.view.footprint(PATH_FOOTPRINT),
         eye: Some(stage.view.eye()),
+        from_light: (picture.light_tracing == OnOff::On).then(|| path::FromLight { view: stage.view.clone(), n }),
     }
 }
+
+/// Paths from the light in a pass: one a pixel, but at least and at most so many.
+const FROM_LIGHT: [u32; 2] = [1 << 12, 1 << 18];
 
 /// Samples a pixel that textures are read for by path tracing, however many there will be: one does not know, and a sample is the same in any case.
 const PATH_FOOTPRINT: u32 = 64;

@@ -81,9 +81,10 @@ pub(crate) fn draw(
     // All that decides about the bits but when to stop; with an error asked for, the most samples decide, too.
     let even = film::Sampling { spp: if picture.noise.is_some() { sampling.spp } else { 0 }, ..sampling.clone() };
     let mode = if picture.noise.is_some() { "noise" } else { "passes" };
-    let words = format!("{mode}, {even:?}, {:?}, {words}, {}", stage.camera, world.cpu_path());
+    let words = format!("{mode}, {even:?}, {:?}, {:?}, {words}, {}", picture.blue_noise, stage.camera, world.cpu_path());
     let n_pixels = f64::from(sampling.width) * f64::from(sampling.height);
-    let mut render = ProgressiveRender::new(method, &stage.view, Settings { sampling, noise: picture.noise })?;
+    let mut render =
+        ProgressiveRender::new(method, &stage.view, Settings { sampling, noise: picture.noise, blue_noise: picture.blue_noise })?;
     let resumed = save.filter(|save| save.resume && save.path.exists());
     if let Some(save) = resumed {
         checkpoint::resume(&save.path, world.scene(), &words, &mut render, work.max_memory)?;

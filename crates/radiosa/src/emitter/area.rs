@@ -299,6 +299,18 @@ impl EmissiveShape {
         }
     }
 
+    /// The unit normal of the front at a point of it.
+    pub(crate) fn normal_at(&self, p: Vec3) -> Vec3 {
+        match self {
+            Self::Triangle(corners) => triangle_vector(*corners).normalize_or_zero().as_vec3(),
+            Self::Disc(m) => normal_map(m).mul_vec3(DVec3::Y).normalize_or_zero().as_vec3(),
+            Self::Sphere(m) => {
+                let local = m.inverse().transform_point3(p);
+                normal_map(m).mul_vec3(local.as_dvec3()).normalize_or_zero().as_vec3()
+            }
+        }
+    }
+
     /// m².
     pub fn area(&self) -> f64 {
         match self {

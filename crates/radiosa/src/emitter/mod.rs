@@ -13,6 +13,7 @@
 //! highlight nor shadow. Every row follows the light table of `docs/conventions.md`.
 
 pub mod area;
+pub(crate) mod beams;
 pub mod discrete;
 pub mod distant;
 pub mod environment;

@@ -18,7 +18,7 @@ use crate::scene::Scene;
 use crate::stream::In;
 use crate::transport::Integrator;
 
-const KIND: Kind = Kind { magic: b"RADPICT\0", version: 1, name: "picture in the making" };
+const KIND: Kind = Kind { magic: b"RADPICT\0", version: 2, name: "picture in the making" };
 
 /// Where the checkpoint of a picture goes: beside it, under its name.
 pub fn path_of(picture: &Path) -> PathBuf {

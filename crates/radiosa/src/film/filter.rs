@@ -89,6 +89,16 @@ impl Filter {
         value as f32
     }
 
+    /// The one-dimensional filter at `x` pixels from the centre, its integral 1, as it is sampled.
+    pub fn weight(self, x: f32) -> f32 {
+        match self {
+            Self::Box | Self::Tent => self.evaluate(x),
+            Self::Gaussian => GAUSSIAN.at(x),
+            Self::Mitchell => MITCHELL.at(x),
+            Self::BlackmanHarris => BLACKMAN_HARRIS.at(x),
+        }
+    }
+
     /// Maps a point of `[0, 1)²` to where to sample. The centre (0.5, 0.5) maps to the pixel's centre.
     pub fn sample(self, u: Vec2) -> FilterSample {
         let table = match self {
@@ -124,6 +134,8 @@ struct Table {
     sign: Vec<f32>,
     /// `∫|f| / ∫f`.
     weight: f32,
+    /// `∫f`, of both halves.
+    integral: f64,
 }
 
 impl Table {
@@ -142,7 +154,20 @@ impl Table {
         }
         cumulative.iter_mut().for_each(|c| *c /= absolute);
         let weight = if signed == absolute { 1.0 } else { (absolute / signed) as f32 };
-        Self { radius, density, cumulative, sign, weight }
+        let integral = 2.0 * signed * radius / N_PIECES as f64;
+        Self { radius, density, cumulative, sign, weight, integral }
+    }
+
+    /// The value at `x` over the integral.
+    fn at(&self, x: f32) -> f32 {
+        let place = f64::from(x.abs()) / self.radius * N_PIECES as f64;
+        let i = place as usize;
+        if i >= N_PIECES {
+            return 0.0;
+        }
+        let t = place - i as f64;
+        let value = self.density[i] * (1.0 - t) + self.density[i + 1] * t;
+        (value / self.integral) as f32 * self.sign[i]
     }
 
     /// Offset and signed weight for `u` in `[0, 1)`, rising with `u`.
@@ -223,6 +248,18 @@ mod tests {
             assert!((total / n - 1.0).abs() < 1e-3, "{filter}: {}", total / n);
             assert!((second / n - moment(filter, 2)).abs() < 1e-3, "{filter}: {} {}", second / n, moment(filter, 2));
             assert!((fourth / n - moment(filter, 4)).abs() < 2e-3, "{filter}: {} {}", fourth / n, moment(filter, 4));
+        }
+    }
+
+    #[test]
+    fn normalised_filters_are_the_filters_and_integrate_to_one() {
+        for filter in Filter::ALL {
+            let r = filter.radius();
+            let n = 20_000;
+            let sum: f64 = midpoints(n).map(|u| f64::from(filter.weight((2.0 * u - 1.0) * r))).sum::<f64>() / f64::from(n);
+            assert!((sum * 2.0 * f64::from(r) - 1.0).abs() < 1e-4, "{filter}: {sum}");
+            let share = filter.weight(0.3) / filter.weight(0.0);
+            assert!((share - filter.evaluate(0.3) / filter.evaluate(0.0)).abs() < 1e-4, "{filter}");
         }
     }
 

@@ -47,6 +47,15 @@ impl Stream {
         Self { key: key(&[seed, pixel, sample]), dimension: 0, pixel: key(&[seed, pixel]), sample: sample as u32 }
     }
 
+    /// Of a pixel that stands at `place` of a curve through all pixels (`sequence::along_curve`), whose sets of low-discrepancy points continue those of the pixels before it, `1 << bits` samples
+    /// in each: the errors of neighbours cancel, as far as their light is alike. Source: [Ahmed20].
+    pub fn along_curve(seed: u64, pixel: u64, sample: u64, place: u64, bits: u32) -> Self {
+        let within = sample & ((1 << bits) - 1);
+        // Samples beyond are of other sets.
+        let set = key(&[seed, u64::MAX, sample >> bits]);
+        Self { key: key(&[seed, pixel, sample]), dimension: 0, pixel: set, sample: (place << bits | within) as u32 }
+    }
+
     /// The next `n` points of a low-discrepancy set that all samples of the pixel share, so that together they are even, too: the key of the set and
     /// the first of the points, for [`sequence`](super::sequence).
     pub fn next_set(&mut self, n: u32) -> (u64, u32) {

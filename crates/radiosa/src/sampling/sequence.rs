@@ -109,9 +109,37 @@ pub fn pixel_sample(seed: u64, pixel: u32, sample: u32, n_samples: u32) -> Vec2 
     point_2d(sample, rng::key(&[seed, u64::from(pixel), 0x0070_6978_656C]))
 }
 
+/// The place of a pixel on Morton's curve, which goes through every square of `2^k × 2^k` pixels before the next.
+pub fn along_curve(x: u32, y: u32) -> u64 {
+    // Room for a zero behind each bit.
+    let spread = |v: u32| {
+        let mut v = u64::from(v);
+        for (shift, mask) in [
+            (16, 0x0000_FFFF_0000_FFFF),
+            (8, 0x00FF_00FF_00FF_00FF),
+            (4, 0x0F0F_0F0F_0F0F_0F0F),
+            (2, 0x3333_3333_3333_3333),
+            (1, 0x5555_5555_5555_5555),
+        ] {
+            v = (v | v << shift) & mask;
+        }
+        v
+    };
+    spread(x) | spread(y) << 1
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_curve_goes_through_every_square_before_the_next() {
+        let places = |side: u32| (0..side * side).map(move |i| along_curve(i % side, i / side)).max();
+        for k in 0..7 {
+            assert_eq!(places(1 << k), Some((1 << (2 * k)) - 1));
+        }
+        assert_eq!((along_curve(3, 5), along_curve(u32::MAX, u32::MAX)), (0b10_0111, u64::MAX));
+    }
 
     #[test]
     fn the_sequence_is_as_tabulated() {

@@ -20,7 +20,7 @@ mod world;
 pub(crate) use direct::FEW_LAMPS;
 pub use direct::{Emitters, LightSettings, Lights, LocalLight, Viewer};
 pub use footprint::Footprint;
-pub use integrator::Integrator;
+pub use integrator::{Integrator, Splat};
 pub(crate) use polygons::Care;
 pub use shading::{Glass, Passage, Shading, Textures};
 pub use solver::{Solver, Step};

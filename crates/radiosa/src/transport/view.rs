@@ -7,7 +7,7 @@ use crate::sampling::{Stream, warp};
 use crate::scene::{Camera, Projection};
 
 /// A camera with a picture of a given size: maps picture coordinates to rays in world coordinates.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct View {
     camera: Camera,
     eye: DVec3,
@@ -76,6 +76,39 @@ impl View {
         Some([0.5 * (u * self.height + self.width), 0.5 * (1.0 - v) * self.height])
     }
 
+    /// How a point in world coordinates is seen; `None` where it cannot be, outside the picture by more than `margin` pixels, and by cameras with a lens, to which every point
+    /// is seen in many places.
+    pub(crate) fn sight(&self, p: Vec3, margin: f64) -> Option<Sight> {
+        if self.camera.lens.is_some() {
+            return None;
+        }
+        let p = p.as_dvec3();
+        let place = self.place_of(p)?;
+        let is_near = |v: f64, end: f64| v > -margin && v < end + margin;
+        if !is_near(place[0], self.width) || !is_near(place[1], self.height) {
+            return None;
+        }
+        let (back, to_eye) = (self.camera.basis.z_axis, self.eye - p);
+        let d2 = to_eye.length_squared();
+        // Pixels to one unit of the picture plane at distance 1, or to a metre of a parallel view.
+        let scale = self.height / (2.0 * self.half);
+        let (from, density) = match self.camera.projection {
+            Projection::Orthographic { .. } => (p + back * back.dot(to_eye), scale * scale),
+            Projection::Perspective { .. } => {
+                // A pixel is cos³θ of its share of the plane as solid angle.
+                let cos = back.dot(to_eye) / d2.sqrt();
+                (self.eye, scale * scale / (cos * cos * cos) / d2)
+            }
+            Projection::Panoramic => {
+                let sin = libm::sin(place[1] / self.height * std::f64::consts::PI);
+                (self.eye, self.width * self.height / (2.0 * std::f64::consts::PI.powi(2) * sin) / d2)
+            }
+        };
+        let density = density as f32;
+        let is_usable = density.is_finite() && d2 > 0.0;
+        is_usable.then(|| Sight { place, from: from.as_vec3(), to_eye: (from - p).normalize().as_vec3(), density })
+    }
+
     /// The linear map to the picture that scan conversion needs, with `near` where perspective needs a near plane; `None` for panoramas, which are not linear.
     pub fn projection(&self, near: f64) -> Option<raster::Projection> {
         let basis = &self.camera.basis;
@@ -128,4 +161,17 @@ impl View {
         };
         format!("-{kind} -vp {} {} {} -vd {} {} {} -vu {} {} {} -vh {h} -vv {v}", p.x, p.y, p.z, d.x, d.y, d.z, u.x, u.y, u.z)
     }
+}
+
+/// How a point is seen in a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Sight {
+    /// Pixels from the top left.
+    pub(crate) place: [f64; 2],
+    /// Where the camera ray that meets it begins.
+    pub(crate) from: Vec3,
+    /// Unit, towards there.
+    pub(crate) to_eye: Vec3,
+    /// Pixels a square metre there, across the ray.
+    pub(crate) density: f32,
 }

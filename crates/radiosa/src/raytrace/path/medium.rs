@@ -246,7 +246,12 @@ impl Walk<'_> {
         let Collision { p, wo, phase, travelled, .. } = *collision;
         let [u, _] = self.next_4d();
         let wi = phase.sample(wo, u);
-        Onward { ray: Ray::new(p, wi), last: Some(Last { p, n: EVERYWHERE, pdf: phase.evaluate(wo, wi), share: 1.0 }), travelled }
+        Onward {
+            ray: Ray::new(p, wi),
+            last: Some(Last { p, n: EVERYWHERE, pdf: phase.evaluate(wo, wi), share: 1.0 }),
+            travelled,
+            is_thrown: false,
+        }
     }
 }
 

@@ -15,6 +15,7 @@
 //! with much noise where the source is small. From delta lights it does not: no path hits them. Sheets let it pass straight. Ambient light is ignored, since
 //! this is what it stands for. Nothing is clamped. Homogeneous media scatter light between surfaces (`medium.rs`).
 
+mod from_light;
 mod medium;
 mod walk;
 
@@ -29,8 +30,12 @@ use crate::sampling::Stream;
 use crate::scene::{Light, LightKind};
 use crate::spectrum::Spectrum;
 use crate::transport::media::{Loss, Media};
-use crate::transport::{Emitters, FEW_LAMPS, Footprint, Glass, Integrator, LightSettings, Lights, Surface, World, default_light};
+use crate::transport::{
+    Emitters, FEW_LAMPS, Footprint, Glass, Integrator, LightSettings, Lights, Splat, Surface, World, default_light,
+};
 
+pub use from_light::FromLight;
+use from_light::LightPaths;
 use walk::Walk;
 
 /// What path tracing can be asked for.
@@ -55,6 +60,9 @@ pub struct Settings {
     pub footprint: Footprint,
     /// The eye point, as for Whitted's method.
     pub eye: Option<Vec3>,
+    /// Light that mirrors and glass throw is looked for from its sources, too, and weighed against what paths from the eye find of it. Only for pictures that add it
+    /// ([`Integrator::splats`]); not where media scatter.
+    pub from_light: Option<FromLight>,
 }
 
 impl Default for Settings {
@@ -69,6 +77,7 @@ impl Default for Settings {
             extra_lights: Vec::new(),
             footprint: Footprint::default(),
             eye: None,
+            from_light: None,
         }
     }
 }
@@ -94,6 +103,7 @@ pub struct PathTracer {
     loss: Loss,
     /// The bodies the eye is in.
     around_eye: Media,
+    from_light: Option<LightPaths>,
 }
 
 impl PathTracer {
@@ -114,7 +124,9 @@ impl PathTracer {
             _ => None,
         });
         let has_bodies = world.scene().materials.iter().any(|m| m.transmits() && m.has_inside());
+        let from_light = settings.from_light.as_ref().filter(|_| !has_media);
         Self {
+            from_light: from_light.and_then(|asked| LightPaths::new(world, asked, &settings.extra_lights)),
             has_lamps,
             lamps,
             emissive: PointSampler::new(world.emissive()),
@@ -168,5 +180,13 @@ impl Integrator for PathTracer {
 
     fn branching(&self) -> u32 {
         self.settings.branches.max(1).saturating_mul(2)
+    }
+
+    fn has_splats(&self) -> bool {
+        self.from_light.is_some()
+    }
+
+    fn splats(&self, world: &World, seed: u64, pass: u32, n_rays: &mut u64) -> Vec<Splat> {
+        self.splats_of_pass(world, seed, pass, n_rays)
     }
 }

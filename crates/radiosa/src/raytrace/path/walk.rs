@@ -39,6 +39,8 @@ pub(super) struct Walk<'a> {
     behind: Media,
     /// Scatterings so far.
     pub(super) depth: u32,
+    /// How likely paths from the light are to begin as this one does, over how likely it is to begin so; 0 where they never do (`from_light.rs`).
+    pub(super) rivalry: f32,
 }
 
 /// A ray, and how it came to be.
@@ -48,6 +50,8 @@ pub(super) struct Onward {
     pub(super) last: Option<Last>,
     /// From the eye to its start.
     pub(super) travelled: f32,
+    /// What drew its direction mirrors or refracts.
+    pub(super) is_thrown: bool,
 }
 
 /// A place that drew a direction.
@@ -77,7 +81,7 @@ impl Found {
 }
 
 /// How a ray ends.
-enum End {
+pub(super) enum End {
     Surface(Vertex),
     /// It is scattered between surfaces.
     Medium(Collision),
@@ -97,23 +101,23 @@ pub(super) struct Between {
 }
 
 impl Between {
-    const NOTHING: Self = Self { open: Spectrum::WHITE, glow: Spectrum::BLACK, lit: Spectrum::BLACK };
+    pub(super) const NOTHING: Self = Self { open: Spectrum::WHITE, glow: Spectrum::BLACK, lit: Spectrum::BLACK };
 }
 
 /// A surface that scatters.
-struct Vertex {
-    surface: Surface,
-    shading: Shading,
+pub(super) struct Vertex {
+    pub(super) surface: Surface,
+    pub(super) shading: Shading,
     /// Seen from the outside.
-    entering: bool,
+    pub(super) entering: bool,
     /// It bounds a body.
     is_boundary: bool,
-    travelled: f32,
+    pub(super) travelled: f32,
 }
 
 impl<'a> Walk<'a> {
     pub(super) fn new(method: &'a PathTracer, world: &'a World, stream: Stream, n_rays: &'a mut u64) -> Self {
-        Self { method, world, stream, n_rays, media: method.around_eye, behind: Media::VACUUM, depth: 0 }
+        Self { method, world, stream, n_rays, media: method.around_eye, behind: Media::VACUUM, depth: 0, rivalry: 0.0 }
     }
 
     /// A camera sample.
@@ -124,7 +128,7 @@ impl<'a> Walk<'a> {
             *self.n_rays += 1;
             self.media.go(self.world, eye, ray.origin);
         }
-        let mut onward = Onward { ray: *ray, last: None, travelled: 0.0 };
+        let mut onward = Onward { ray: *ray, last: None, travelled: 0.0, is_thrown: false };
         let begins = onward.ray.origin;
         let mut between = Between::NOTHING;
         let end = self.meet(&mut onward, Spectrum::WHITE, &mut between);
@@ -169,7 +173,9 @@ impl<'a> Walk<'a> {
             }
             let Some((scattered, onward)) = self.go_on(vertex, &scatter, None) else { continue };
             let weight = Lobes { diffuse: open * scattered.weight.diffuse, specular: open * scattered.weight.specular };
+            self.rivalry = self.rivalry_of(vertex, &scatter, &scattered);
             let [once, more] = self.arriving(onward, weight.sum() * n_branches as f32);
+            self.rivalry = 0.0;
             let all = once + more;
             pixel.diffuse += weight.diffuse * all;
             let lobe = match scattered.way {
@@ -264,7 +270,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Follows a ray to the next surface that is there, through holes, or to where a medium scatters it. `seen` is what of light from its start reaches the eye.
-    fn meet(&mut self, onward: &mut Onward, seen: Spectrum, between: &mut Between) -> End {
+    pub(super) fn meet(&mut self, onward: &mut Onward, seen: Spectrum, between: &mut Between) -> End {
         let world = self.world;
         for _ in 0..BEHIND_MAX {
             *self.n_rays += 1;
@@ -359,8 +365,15 @@ impl<'a> Walk<'a> {
     /// What a surface emits towards a scattered ray, weighed where it could have been found from the surface before as well.
     fn emission(&self, vertex: &Vertex, onward: &Onward) -> Spectrum {
         let Vertex { surface, shading, .. } = vertex;
+        let rival = match &self.method.from_light {
+            Some(paths) if self.rivalry > 0.0 && onward.is_thrown && !shading.emission.is_black() => {
+                let n = if vertex.entering { surface.ng } else { -surface.ng };
+                self.rivalry * paths.density((surface.instance.0, surface.primitive), surface.p, n, -onward.ray.dir)
+            }
+            _ => 0.0,
+        };
         let Some(last) = onward.last else {
-            return shading.shown();
+            return shading.shown() - shading.emission * (1.0 - left_by(rival));
         };
         if shading.emission.is_black() {
             return Spectrum::BLACK;
@@ -372,7 +385,7 @@ impl<'a> Walk<'a> {
             distance: (surface.p - last.p).length(),
             local: surface.local,
         };
-        shading.emission * power_heuristic(last.pdf, last.share * self.method.emissive.pdf(last.p, last.n, &met))
+        shading.emission * power_heuristic(last.pdf, last.share * self.method.emissive.pdf(last.p, last.n, &met)) * left_by(rival)
     }
 
     /// Four numbers: of a set that all samples of the pixel share, as long as that still tells.
@@ -386,18 +399,19 @@ impl<'a> Walk<'a> {
     }
 
     /// What a surface does with light.
-    fn scatter_at(&self, vertex: &Vertex) -> Scatter {
+    pub(super) fn scatter_at(&self, vertex: &Vertex) -> Scatter {
         let Vertex { shading, entering, .. } = vertex;
         let settings = &self.method.settings;
         Scatter::new(shading.bsdf.weighed(settings.fresnel), shading.n, shading.wo, *entering, settings.highlights)
     }
 
     /// Draws where a path goes on from a surface.
-    fn go_on(&mut self, vertex: &Vertex, scatter: &Scatter, last: Option<Last>) -> Option<(Scattered, Onward)> {
+    pub(super) fn go_on(&mut self, vertex: &Vertex, scatter: &Scatter, last: Option<Last>) -> Option<(Scattered, Onward)> {
         let Vertex { surface, shading, entering, .. } = vertex;
         let side = if *entering { surface.ng } else { -surface.ng };
         let [u, choice] = self.next_4d();
         let mut scattered = scatter.sample(u, choice.x)?;
+        let is_thrown = throws(vertex, scatter, &scattered);
         let last = match scattered.way {
             Way::Rough { pdf } => {
                 let share = scatter.share_through();
@@ -424,7 +438,7 @@ impl<'a> Walk<'a> {
                 if shading.bsdf.transmission().is_some_and(|t| t.thin) { last } else { None }
             }
         };
-        let onward = Onward { ray: surface.ray(scattered.wi), last, travelled: vertex.travelled };
+        let onward = Onward { ray: surface.ray(scattered.wi), last, travelled: vertex.travelled, is_thrown };
         Some((scattered, onward))
     }
 
@@ -456,24 +470,30 @@ impl<'a> Walk<'a> {
                 let ray = surface.shadow_ray(drawn.target);
                 let world = self.world;
                 let radiance = || world.emission_from(drawn.surface, drawn.position);
-                self.look(vertex, scatter, (drawn.wi, drawn.pdf * share), ray, radiance, &mut light);
+                let rival = match &method.from_light {
+                    Some(paths) if self.rivalry > 0.0 && throws_roughly(vertex, scatter) => {
+                        self.rivalry * paths.density_of_drawn(&drawn)
+                    }
+                    _ => 0.0,
+                };
+                self.look(vertex, scatter, (drawn.wi, drawn.pdf * share, rival), ray, radiance, &mut light);
             }
         }
         if let (Some(sampler), Some(sky)) = (&method.sky, self.world.sky()) {
             let [u, _] = self.next_4d();
             if let Some((wi, pdf)) = sampler.sample(u) {
-                self.look(vertex, scatter, (wi, pdf), surface.ray(wi), || sky.radiance(wi), &mut light);
+                self.look(vertex, scatter, (wi, pdf, 0.0), surface.ray(wi), || sky.radiance(wi), &mut light);
             }
         }
         light
     }
 
-    /// Adds what a direction drawn with a density brings, weighed against its being drawn by the surface.
+    /// Adds what a direction drawn with a density brings, weighed against its being drawn by the surface, and `rival` times as often from the light.
     fn look(
         &mut self,
         vertex: &Vertex,
         scatter: &Scatter,
-        (wi, pdf): (Vec3, f32),
+        (wi, pdf, rival): (Vec3, f32, f32),
         ray: Ray,
         radiance: impl Fn() -> Spectrum,
         light: &mut Found,
@@ -491,7 +511,7 @@ impl<'a> Walk<'a> {
         if passed.is_black() {
             return;
         }
-        let incident = radiance() * passed * (power_heuristic(pdf, pdf_of_surface) / pdf);
+        let incident = radiance() * passed * (power_heuristic(pdf, pdf_of_surface) * left_by(rival) / pdf);
         if goes_through {
             light.refracted += lobes.specular * incident;
         } else {
@@ -503,4 +523,25 @@ impl<'a> Walk<'a> {
 /// A direction drawn leaves a surface on the other side than the viewer's.
 fn goes_through(vertex: &Vertex, scattered: &Scattered) -> bool {
     vertex.shading.n.dot(scattered.wi) < 0.0
+}
+
+/// What paths from the light leave to those from the eye, `1/(1 + r²)`.
+fn left_by(rival: f32) -> f32 {
+    power_heuristic(1.0, rival)
+}
+
+/// Whether light drawn so comes from a body that mirrors or refracts it.
+pub(super) fn throws(vertex: &Vertex, scatter: &Scatter, scattered: &Scattered) -> bool {
+    match scattered.way {
+        Way::Rough { .. } => throws_roughly(vertex, scatter),
+        Way::Reflected | Way::Refracted => !is_sheet(vertex),
+    }
+}
+
+fn throws_roughly(vertex: &Vertex, scatter: &Scatter) -> bool {
+    scatter.share_through() > 0.0 && !is_sheet(vertex)
+}
+
+fn is_sheet(vertex: &Vertex) -> bool {
+    vertex.shading.bsdf.transmission().is_some_and(|t| t.thin)
 }

@@ -129,7 +129,7 @@ impl Block {
     }
 
     /// Its pixels.
-    fn pixels(&self) -> impl Iterator<Item = [u32; 2]> + use<> {
+    pub(super) fn pixels(&self) -> impl Iterator<Item = [u32; 2]> + use<> {
         let (columns, rows) = (self.columns.clone(), self.rows.clone());
         rows.flat_map(move |y| columns.clone().map(move |x| [x, y]))
     }
@@ -255,20 +255,21 @@ impl Block {
         sum / n
     }
 
-    /// Measures the errors where there are two halves alike and that has not been done.
-    pub(super) fn measure(&mut self, layout: &Layout, epsilon: f64) {
+    /// Measures the errors where there are two halves alike and that has not been done; `beside` is light that is added to the means.
+    pub(super) fn measure(&mut self, layout: &Layout, epsilon: f64, beside: impl Fn([u32; 2]) -> [f64; 3]) {
         if self.n < 2 || self.n != 2 * self.half.n || self.error.n == self.n {
             return;
         }
         let (mut change, mut independent) = (0.0, 0.0);
         for pixel in self.pixels() {
             let k = Self::local(pixel);
-            for c in 0..3 {
+            for (c, beside) in beside(pixel).into_iter().enumerate() {
                 let [a, b] = self.halves(layout, k, c);
                 let variance = self.independent_variance(layout, k, c);
                 let m = self.mean(layout, k, c);
                 // m² less what it owes to its own error, which hides that of a rare bright sample in a dark place; but not in a bright one.
                 let square = (m * m - variance).max((0.5 * self.around(layout, pixel, c)).min(m).powi(2));
+                let square = (square.sqrt() + beside).powi(2);
                 let weight = 1.0 / (square + epsilon).max(f64::MIN_POSITIVE);
                 change += weight * (a - b).powi(2) / 4.0;
                 independent += weight * variance;

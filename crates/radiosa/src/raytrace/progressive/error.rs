@@ -62,11 +62,10 @@ impl Error {
         self.with(block, f64::from(block.n) / f64::from(block.error.n.max(1)))
     }
 
-    /// `sqrt(mean Var/(L² + ε))` over pixels and channels; `None` before two samples.
-    pub(super) fn noise(&self, blocks: &[Block]) -> Option<f64> {
-        let n_pixels: f64 = blocks.iter().map(|b| f64::from(b.n_pixels())).sum();
+    /// `Σ Var/(L² + ε)` over all pixels and channels; `None` before two samples.
+    pub(super) fn sum(&self, blocks: &[Block]) -> Option<f64> {
         let is_known = blocks.iter().all(|b| b.error.n > 0);
-        is_known.then(|| (blocks.iter().map(|b| self.now(b)).sum::<f64>() / (3.0 * n_pixels)).sqrt())
+        is_known.then(|| blocks.iter().map(|b| self.now(b)).sum::<f64>())
     }
 
     /// For each block what its variance is of that of independent samples, from it and its neighbours.

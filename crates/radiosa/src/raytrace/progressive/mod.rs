@@ -5,10 +5,13 @@
 //! passes is the picture of N samples. Where an error is asked for instead, after a few passes samples go where they bring it down most ([`error`]), in batches
 //! that blocks of pixels decide about together: samples of a pixel never decide about that pixel alone, which would make it too dark.
 //!
+//! Where paths begin at light sources as well, each round of camera samples is followed by as many passes of those as make up for it ([`light`]).
+//!
 //! A state can be written and read, to go on to the same bits.
 
 mod block;
 mod error;
+mod light;
 
 use std::io;
 
@@ -21,6 +24,7 @@ use crate::transport::{Integrator, Solver, Step, View, World};
 
 use block::{Block, Layout, PIXELS, SIDE};
 use error::Error;
+use light::LightImage;
 
 /// Samples a pixel has at most.
 pub const MAX_SAMPLES: u32 = 1 << 16;
@@ -45,6 +49,8 @@ pub struct Settings {
     /// The error to stop at, `sqrt(mean of Var/(L² + ε))` over pixels and channels, ε half the square of the picture's mean luminance; samples
     /// then go where they are needed. `None` for as many samples in every pixel.
     pub noise: Option<f64>,
+    /// Errors of neighbouring pixels cancel as far as may be, which makes fine grain of noise, the best at this many samples a pixel. The errors of pixels alone are the same.
+    pub blue_noise: Option<u32>,
 }
 
 /// A picture in the making.
@@ -55,6 +61,10 @@ pub struct ProgressiveRender<'a, I> {
     layout: Layout,
     blocks: Vec<Block>,
     film: Film,
+    /// What paths from the light add.
+    light: Option<LightImage>,
+    /// Passes of those that are wanted.
+    light_target: u32,
     /// Pixels a side of the squares that the first pass is at; 0 behind it.
     cell: u32,
     /// The block that is next.
@@ -83,19 +93,37 @@ impl<'a, I: Integrator> ProgressiveRender<'a, I> {
             cell *= 2;
         }
         let (noise, is_even, is_done) = (None, false, false);
-        Ok(Self { integrator, view, layout, blocks, film, cell, next: 0, shown: 0, noise, is_even, is_done, settings })
+        let light = integrator.has_splats().then(|| LightImage::new(&film, s.filter));
+        let (next, shown, light_target) = (0, 0, 1);
+        Ok(Self {
+            integrator,
+            view,
+            layout,
+            blocks,
+            film,
+            light,
+            light_target,
+            cell,
+            next,
+            shown,
+            noise,
+            is_even,
+            is_done,
+            settings,
+        })
     }
 
     /// What a picture in the making takes beside its film, bytes.
     pub fn memory(sampling: &Sampling) -> u64 {
         let pixels = |side: u32| u64::from(side.div_ceil(SIDE) * SIDE);
         let bytes = Layout::new(&sampling.layers, sampling.filter).bytes_a_pixel() + size_of::<Block>() as u64 / PIXELS as u64;
+        let bytes = bytes + LightImage::BYTES_A_PIXEL;
         pixels(sampling.width) * pixels(sampling.height) * bytes
     }
 
     /// Rays traced so far, of every kind.
     pub fn n_rays(&self) -> u64 {
-        self.blocks.iter().map(|b| b.n_rays).sum()
+        self.blocks.iter().map(|b| b.n_rays).sum::<u64>() + self.light.as_ref().map_or(0, |light| light.n_rays)
     }
 
     /// Camera samples taken so far.
@@ -139,7 +167,7 @@ impl<'a, I: Integrator> ProgressiveRender<'a, I> {
     /// Composes the film.
     fn show(&mut self) {
         self.shown = self.n_samples();
-        let (blocks, layout) = (&self.blocks, &self.layout);
+        let (blocks, layout, light) = (&self.blocks, &self.layout, self.light.as_ref());
         let (width, across) = (self.settings.sampling.width, self.settings.sampling.width.div_ceil(SIDE));
         let factors = if self.film.has(Layer::Variance) { Error::of(blocks).factors(blocks, width) } else { Vec::new() };
         // Where the first pass has not been: what stands for the smallest square that has a sample.
@@ -158,7 +186,8 @@ impl<'a, I: Integrator> ProgressiveRender<'a, I> {
         self.film.compose(
             |layer, c, pixel| {
                 let (i, k) = place(pixel);
-                blocks[i].value(layout, layer, c, k, factors.get(i).copied().unwrap_or(1.0))
+                let value = blocks[i].value(layout, layer, c, k, factors.get(i).copied().unwrap_or(1.0));
+                value + light.map_or(0.0, |light| light.value(layer, c, pixel))
             },
             |pixel| {
                 let (i, k) = place(pixel);
@@ -169,12 +198,24 @@ impl<'a, I: Integrator> ProgressiveRender<'a, I> {
 
     /// Does some of what is wanted; false when there is nothing left of it.
     fn work(&mut self, world: &World) -> bool {
+        let is_wanting = self.cell > 0 || self.blocks.iter().any(|b| b.n < b.target);
+        if let Some(light) = self.light.as_mut().filter(|_| !is_wanting) {
+            self.is_even = false;
+            let splats = self.integrator.splats(world, self.settings.sampling.seed, light.n, &mut light.n_rays);
+            light.add(&splats);
+            return light.n < self.light_target;
+        }
         let (s, integrator, view, layout, cell) = (&self.settings.sampling, self.integrator, self.view, &self.layout, self.cell);
+        let bits = self.settings.blue_noise.map(|n| n.clamp(1, MAX_SAMPLES).next_power_of_two().trailing_zeros());
         // The same pattern in every pixel, as for fixed samples; the first ones of it do not depend on how many there will be.
         let at = |k: u32| s.filter.sample(sequence::pixel_sample(s.seed, 0, k, MAX_SAMPLES));
         let draw = |at: FilterSample, [x, y]: [u32; 2], k: u32, n_rays: &mut u64| -> Pixel {
             let (px, py) = (f64::from(x) + 0.5 + f64::from(at.offset.x), f64::from(y) + 0.5 + f64::from(at.offset.y));
-            let mut stream = Stream::new(s.seed, u64::from(y) * u64::from(s.width) + u64::from(x), u64::from(k));
+            let pixel = u64::from(y) * u64::from(s.width) + u64::from(x);
+            let mut stream = match bits {
+                None => Stream::new(s.seed, pixel, u64::from(k)),
+                Some(bits) => Stream::along_curve(s.seed, pixel, u64::from(k), sequence::along_curve(x, y), bits),
+            };
             let ray = view.sample_ray(px, py, &mut stream);
             integrator.sample(world, &ray, &mut stream, n_rays)
         };
@@ -204,28 +245,36 @@ impl<'a, I: Integrator> ProgressiveRender<'a, I> {
             return true;
         }
         self.cell /= 2;
-        self.cell > 0 || self.blocks.iter().any(|b| b.n < b.target)
+        self.cell > 0
+            || self.blocks.iter().any(|b| b.n < b.target)
+            || self.light.as_ref().is_some_and(|light| light.n < self.light_target)
     }
 
     /// Decides what is wanted next, after all that was is done.
     fn decide(&mut self) {
         self.is_even = true;
-        let layout = &self.layout;
+        let (layout, light) = (&self.layout, self.light.as_ref());
+        let beside = |pixel: [u32; 2]| light.map_or([0.0; 3], |light| light.color(pixel));
         let colors: Vec<[f64; 3]> = self
             .blocks
             .par_iter()
             .map(|b| {
                 let (mut sum, pixels) = ([0.0; 3], b.rows.clone().flat_map(|y| b.columns.clone().map(move |x| [x, y])));
-                pixels.for_each(|p| sum.iter_mut().zip(b.color(layout, Block::local(p))).for_each(|(sum, v)| *sum += v));
+                pixels.for_each(|p| {
+                    let colors = b.color(layout, Block::local(p)).into_iter().zip(beside(p));
+                    sum.iter_mut().zip(colors).for_each(|(sum, (v, beside))| *sum += v + beside);
+                });
                 sum
             })
             .collect();
         let n_pixels = self.film.n_pixels() as f64;
         let mean: [f64; 3] = std::array::from_fn(|c| colors.iter().map(|v| v[c]).sum::<f64>() / n_pixels);
         let epsilon = 0.5 * crate::spectrum::luminance(mean).powi(2);
-        self.blocks.par_iter_mut().for_each(|b| b.measure(layout, epsilon));
+        self.blocks.par_iter_mut().for_each(|b| b.measure(layout, epsilon, beside));
         let error = Error::of(&self.blocks);
-        self.noise = error.noise(&self.blocks);
+        let [from_eye, from_light] = [error.sum(&self.blocks), light.map(|light| light.error(&self.blocks, layout, epsilon))];
+        let is_known = light.is_none_or(|light| light.n >= 2);
+        self.noise = from_eye.filter(|_| is_known).map(|sum| ((sum + from_light.unwrap_or(0.0)) / (3.0 * n_pixels)).sqrt());
         let (n, most) = (self.samples_a_pixel()[0], self.settings.sampling.spp.clamp(1, MAX_SAMPLES));
         let even =
             self.settings.noise.map(|wanted| ((EVEN_FOR_NOISE / wanted) as u32).clamp(EVEN[0], EVEN[1]).next_power_of_two());
@@ -238,6 +287,13 @@ impl<'a, I: Integrator> ProgressiveRender<'a, I> {
                 self.blocks.iter_mut().for_each(|b| b.target = (n + 1).min(most));
                 n >= most
             };
+        if let Some(light) = &self.light {
+            let mean = self.blocks.iter().map(|b| u64::from(b.target * b.n_pixels())).sum::<u64>() as f64 / n_pixels;
+            // Where samples go where they are needed, these are needed where most of the error is theirs.
+            let is_noisy = may_differ && from_light > from_eye;
+            let more = if is_noisy { light.n + light.n.div_ceil(4) } else { light.n };
+            self.light_target = more.max(mean as u32).min(most);
+        }
     }
 
     /// The part that is done: of samples, or of those an error that falls with their root would take.
@@ -258,6 +314,10 @@ impl<'a, I: Integrator> ProgressiveRender<'a, I> {
             out.number(number)?;
         }
         out.array(&[self.noise.unwrap_or(0.0)])?;
+        if let Some(light) = &self.light {
+            out.number(u64::from(self.light_target))?;
+            light.store(out)?;
+        }
         self.blocks.iter().try_for_each(|b| b.store(out))
     }
 
@@ -274,6 +334,10 @@ impl<'a, I: Integrator> ProgressiveRender<'a, I> {
         }
         (self.cell, self.next, self.noise) = (cell as u32, next as usize, (flags & 4 > 0).then_some(noise[0]));
         self.is_even = flags & 2 > 0;
+        if let Some(light) = &mut self.light {
+            self.light_target = u32::try_from(from.number()?).map_err(|_| wrong("it wants too many passes"))?.min(MAX_SAMPLES);
+            light.restore(from)?;
+        }
         self.blocks.iter_mut().try_for_each(|b| b.restore(from))?;
         if self.cell > 0 && self.blocks.iter().any(|b| b.n > 1) {
             return Err(wrong("its first pass is not the first"));
