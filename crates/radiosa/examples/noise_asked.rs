@@ -27,7 +27,9 @@ struct Run {
 fn draw(world: &World, side: u32, noise: f64, seed: u64) -> Result<Run, Box<dyn Error>> {
     let camera = world.scene().cameras.first().cloned().unwrap_or_else(|| framing::automatic(world, 1.0));
     let view = View::new(&camera, world.origin(), side, side);
-    let settings = path::Settings { footprint: view.footprint(64), eye: Some(view.eye()), ..path::Settings::default() };
+    let from_light = Some(path::FromLight { view: view.clone(), n: (side * side).max(1 << 12) });
+    let settings =
+        path::Settings { footprint: view.footprint(64), eye: Some(view.eye()), from_light, ..path::Settings::default() };
     let method = PathTracer::new(world, &settings);
     let layers = vec![Layer::Color, Layer::Variance];
     let sampling = Sampling { width: side, height: side, spp: MAX_SAMPLES, filter: Filter::Box, seed, layers };

@@ -12,8 +12,8 @@
 //!
 //! Mirrors and glass are followed one ray at a time, chosen by chance; which body a ray is in, and what it absorbs, is as in [`whitted`](super::whitted). Light from
 //! emissive surfaces and skies comes through glass and off mirrors to diffuse surfaces (caustics), by the paths that happen to hit the source: rightly, but
-//! with much noise where the source is small. From delta lights it does not: no path hits them. Sheets let it pass straight. Ambient light is ignored, since
-//! this is what it stands for. Nothing is clamped. Homogeneous media scatter light between surfaces (`medium.rs`).
+//! with much noise where the source is small, and from delta lights not at all. Paths that begin at the sources (`from_light.rs`) find both where the eye sees the lit surface itself. Sheets
+//! let light pass straight. Ambient light is ignored, since this is what it stands for. Nothing is clamped. Homogeneous media scatter light between surfaces (`medium.rs`).
 
 mod from_light;
 mod medium;
