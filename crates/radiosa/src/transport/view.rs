@@ -76,10 +76,15 @@ impl View {
         Some([0.5 * (u * self.height + self.width), 0.5 * (1.0 - v) * self.height])
     }
 
+    /// Points are seen in one place each: not so through a lens.
+    pub(crate) fn shows_points_once(&self) -> bool {
+        self.camera.lens.is_none()
+    }
+
     /// How a point in world coordinates is seen; `None` where it cannot be, outside the picture by more than `margin` pixels, and by cameras with a lens, to which every point
     /// is seen in many places.
     pub(crate) fn sight(&self, p: Vec3, margin: f64) -> Option<Sight> {
-        if self.camera.lens.is_some() {
+        if !self.shows_points_once() {
             return None;
         }
         let p = p.as_dvec3();

@@ -35,6 +35,7 @@ use crate::sampling::mis::power_heuristic;
 use crate::sampling::{Stream, rng, sequence};
 use crate::scene::{Light, Material, Model};
 use crate::spectrum::Spectrum;
+use crate::transport::media::Media;
 use crate::transport::{Glass, Passage, Splat, View, World};
 
 /// Paths that the numbers of a batch are dealt out in.
@@ -62,10 +63,10 @@ pub(super) struct LightPaths {
 }
 
 impl LightPaths {
-    /// `None` where nothing mirrors or refracts, or nothing shines on it that can be drawn from.
+    /// `None` where nothing mirrors or refracts, the camera has a lens, or nothing shines on it that can be drawn from.
     pub(super) fn new(world: &World, settings: &FromLight, extra_lights: &[Light]) -> Option<Self> {
         let targets = targets(world);
-        if targets.is_empty() || settings.n == 0 {
+        if targets.is_empty() || settings.n == 0 || !settings.view.shows_points_once() {
             return None;
         }
         let origin = world.origin();
@@ -117,15 +118,23 @@ impl PathTracer {
 }
 
 impl Walk<'_> {
-    /// How likely paths from the light are to end as one from the eye begins, over how likely that is, but for the density of their begin: `r/e`.
-    pub(super) fn rivalry_of(&self, vertex: &Vertex, scatter: &Scatter, scattered: &Scattered) -> f32 {
-        let (Some(paths), Way::Rough { pdf }) = (&self.method.from_light, scattered.way) else { return 0.0 };
-        let ng = vertex.surface.ng;
-        if scatter.share_through() > 0.0 {
-            return 0.0;
+    /// `p_e` of a surface that the eye sees; 0 where paths from the light do not end.
+    pub(super) fn pixels_at(&self, vertex: &Vertex, scatter: &Scatter) -> f32 {
+        match &self.method.from_light {
+            Some(paths) if scatter.share_through() <= 0.0 => {
+                let density = paths.view.sight(vertex.surface.p, MARGIN).map_or(0.0, |sight| sight.density);
+                density * vertex.surface.ng.dot(vertex.shading.wo)
+            }
+            _ => 0.0,
         }
-        let Some(sight) = paths.view.sight(vertex.surface.p, MARGIN) else { return 0.0 };
-        self.rivalry(paths, ng.dot(scattered.wi), pdf, sight.density * ng.dot(vertex.shading.wo))
+    }
+
+    /// How likely paths from the light are to end as one from the eye begins, over how likely that is, but for the density of their begin: `r/e`.
+    pub(super) fn rivalry_of(&self, vertex: &Vertex, scattered: &Scattered, p_e: f32) -> f32 {
+        match (&self.method.from_light, scattered.way) {
+            (Some(paths), Way::Rough { pdf }) => self.rivalry(paths, vertex.surface.ng.dot(scattered.wi), pdf, p_e),
+            _ => 0.0,
+        }
     }
 
     fn rivalry(&self, paths: &LightPaths, cos: f32, pdf: f32, p_e: f32) -> f32 {
@@ -136,7 +145,7 @@ impl Walk<'_> {
 
     /// Follows a path from the light, and adds what it shows.
     fn of_beam(mut self, paths: &LightPaths, beam: &Beam<'_>, splats: &mut Vec<Splat>) {
-        self.media = crate::transport::media::Media::VACUUM;
+        self.media = Media::VACUUM;
         let is_delta = matches!(beam.from, Origin::Delta { .. });
         let mut onward = Onward { ray: beam.ray, last: None, travelled: 0.0, is_thrown: false };
         let mut flux = Spectrum::WHITE;
@@ -187,8 +196,7 @@ impl Walk<'_> {
         if settings.multiple_scattering {
             shading.bsdf = shading.bsdf.compensated();
         }
-        let bsdf = shading.bsdf.weighed(settings.fresnel);
-        let scatter = Scatter::new(bsdf, shading.n, shading.wo, vertex.entering, settings.highlights);
+        let scatter = self.scatter_of(&shading, vertex.entering);
         if scatter.is_perfect() || scatter.share_through() > 0.0 {
             return None;
         }

@@ -164,6 +164,7 @@ impl<'a> Walk<'a> {
         pixel.direct = pixel.diffuse + pixel.specular + pixel.refraction;
         let n_branches = self.method.settings.branches.max(1);
         let open = open / n_branches as f32;
+        let p_e = self.pixels_at(vertex, &scatter);
         let sides = self.method.has_bodies.then_some((self.media, self.behind));
         for stream in self.stream.branches(n_branches) {
             self.stream = stream;
@@ -173,7 +174,7 @@ impl<'a> Walk<'a> {
             }
             let Some((scattered, onward)) = self.go_on(vertex, &scatter, None) else { continue };
             let weight = Lobes { diffuse: open * scattered.weight.diffuse, specular: open * scattered.weight.specular };
-            self.rivalry = self.rivalry_of(vertex, &scatter, &scattered);
+            self.rivalry = self.rivalry_of(vertex, &scattered, p_e);
             let [once, more] = self.arriving(onward, weight.sum() * n_branches as f32);
             self.rivalry = 0.0;
             let all = once + more;
@@ -400,9 +401,13 @@ impl<'a> Walk<'a> {
 
     /// What a surface does with light.
     pub(super) fn scatter_at(&self, vertex: &Vertex) -> Scatter {
-        let Vertex { shading, entering, .. } = vertex;
+        self.scatter_of(&vertex.shading, vertex.entering)
+    }
+
+    /// The same of how it is seen.
+    pub(super) fn scatter_of(&self, shading: &Shading, entering: bool) -> Scatter {
         let settings = &self.method.settings;
-        Scatter::new(shading.bsdf.weighed(settings.fresnel), shading.n, shading.wo, *entering, settings.highlights)
+        Scatter::new(shading.bsdf.weighed(settings.fresnel), shading.n, shading.wo, entering, settings.highlights)
     }
 
     /// Draws where a path goes on from a surface.
