@@ -8,6 +8,8 @@
 //!
 //! A dielectric may let through what its facets do not reflect ([`rough_dielectric`](super::rough_dielectric)): rough glass.
 
+use std::f32::consts::FRAC_1_PI;
+
 use super::microfacet::{self, Angles, MIN_ALPHA};
 use super::multiple_scattering::Compensation;
 use super::rough_dielectric::Boundary;
@@ -85,7 +87,14 @@ impl CookTorrance {
 
     /// What a facet lets through under `cos_h`.
     pub(super) fn passing(&self, cos_h: f32) -> Spectrum {
-        self.transmission.map_or(Spectrum::BLACK, |t| t.weight * (Spectrum::WHITE - self.facet(cos_h)))
+        self.facet_and_passing(cos_h)[1]
+    }
+
+    /// What a facet reflects under `cos_h`, and what it lets through.
+    pub(super) fn facet_and_passing(&self, cos_h: f32) -> [Spectrum; 2] {
+        let facet = self.facet(cos_h);
+        let passing = self.transmission.map_or(Spectrum::BLACK, |t| t.weight * (Spectrum::WHITE - facet));
+        [self.specular * facet, passing]
     }
 
     /// The boundary where it refracts.
@@ -132,12 +141,14 @@ impl CookTorrance {
 
     /// `(k_d/π)(n·wi)` and the highlight times `n·wi`; the highlight is zero when the viewer is behind `n`.
     pub fn evaluate_cos(&self, n: Vec3, wo: Vec3, wi: Vec3) -> Lobes {
-        let diffuse = lambert::f_cos(self.diffuse, n, wi);
-        let again =
-            |angles: &Angles| self.compensation.map_or(Spectrum::BLACK, |c| self.specular * c.f_cos(angles.n_v, angles.n_l));
-        let specular =
-            Angles::new(n, wo, wi).map_or(Spectrum::BLACK, |angles| self.specular_f(&angles) * angles.n_l + again(&angles));
-        Lobes { diffuse, specular }
+        let behind = || Lobes { diffuse: lambert::f_cos(self.diffuse, n, wi), specular: Spectrum::BLACK };
+        Angles::new(n, wo, wi).map_or_else(behind, |angles| self.evaluate_at(&angles))
+    }
+
+    /// The same of light and viewer in front.
+    pub(super) fn evaluate_at(&self, angles: &Angles) -> Lobes {
+        let again = self.compensation.map_or(Spectrum::BLACK, |c| self.specular * c.f_cos(angles.n_v, angles.n_l));
+        Lobes { diffuse: self.diffuse * (FRAC_1_PI * angles.n_l), specular: self.specular_f(angles) * angles.n_l + again }
     }
 
     /// The highlight's reflection function, 1/sr.

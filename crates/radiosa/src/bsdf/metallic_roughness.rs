@@ -18,7 +18,7 @@ use std::f32::consts::FRAC_1_PI;
 use super::microfacet::{self, Angles, MIN_ALPHA};
 use super::multiple_scattering::Compensation;
 use super::rough_dielectric::Boundary;
-use super::{Lobes, Lookup, SpecularRays, Transmission, dielectric, fresnel, mirror};
+use super::{Lobes, Lookup, SpecularRays, Transmission, dielectric, fresnel, lambert, mirror};
 use crate::math::Vec3;
 use crate::scene::{self, Distribution, Shadowing};
 use crate::spectrum::Spectrum;
@@ -151,17 +151,20 @@ impl MetallicRoughness {
 
     /// Both lobes times `n·wi`.
     pub fn evaluate_cos(&self, n: Vec3, wo: Vec3, wi: Vec3) -> Lobes {
-        let Some(angles) = Angles::new(n, wo, wi) else {
-            // The viewer is behind a shading normal: the base is still lit.
-            return Lobes { diffuse: self.diffuse_reflectance() * (FRAC_1_PI * n.dot(wi).max(0.0)), specular: Spectrum::BLACK };
-        };
+        // The viewer is behind a shading normal: the base is still lit.
+        let behind = || Lobes { diffuse: lambert::f_cos(self.diffuse_reflectance(), n, wi), specular: Spectrum::BLACK };
+        Angles::new(n, wo, wi).map_or_else(behind, |angles| self.evaluate_at(&angles))
+    }
+
+    /// The same of light and viewer in front.
+    pub(super) fn evaluate_at(&self, angles: &Angles) -> Lobes {
         let coat = fresnel::schlick(angles.v_h, self.f0).max_channel() * self.specular;
         let diffuse = self.base_color * (self.base_weight() * (1.0 - coat) * FRAC_1_PI * angles.n_l);
         let specular = if self.is_smooth() {
             Spectrum::BLACK
         } else {
-            let d = microfacet::d(Distribution::Ggx, self.alpha, &angles);
-            let g = microfacet::g_over_cosines(Shadowing::SmithCorrelated, Distribution::Ggx, self.alpha, &angles);
+            let d = microfacet::d(Distribution::Ggx, self.alpha, angles);
+            let g = microfacet::g_over_cosines(Shadowing::SmithCorrelated, Distribution::Ggx, self.alpha, angles);
             let again = self.compensation.map_or(Spectrum::BLACK, |c| c.f_cos(angles.n_v, angles.n_l));
             self.facet(angles.v_h) * (0.25 * d * g * angles.n_l) + again
         };

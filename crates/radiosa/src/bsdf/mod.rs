@@ -178,12 +178,12 @@ impl Bsdf {
         }
     }
 
-    /// What a facet of a rough surface reflects under `cos = v·h`.
-    fn facet(&self, cos: f32) -> Spectrum {
+    /// What a facet of a rough surface reflects under `cos = v·h`, and what it lets through.
+    fn facet_and_passing(&self, cos: f32) -> [Spectrum; 2] {
         match self {
-            Self::Unlit(_) | Self::Phong(_) => Spectrum::BLACK,
-            Self::CookTorrance(m) => m.specular * m.facet(cos),
-            Self::MetallicRoughness(m) => m.facet(cos),
+            Self::Unlit(_) | Self::Phong(_) => [Spectrum::BLACK; 2],
+            Self::CookTorrance(m) => m.facet_and_passing(cos),
+            Self::MetallicRoughness(m) => [m.facet(cos), m.passing(cos)],
         }
     }
 

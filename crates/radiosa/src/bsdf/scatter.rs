@@ -43,6 +43,8 @@ pub struct Scatter {
     /// Of the facets, where they refract.
     boundary: Option<Boundary>,
     rays: SpecularRays,
+    /// How often a rough lobe sends a direction through.
+    through: f32,
     /// Of drawing the diffuse lobe, the glossy one, the reflected and the refracted ray.
     p: [f32; 4],
 }
@@ -128,8 +130,11 @@ impl Scatter {
                 if m.is_smooth() { Gloss::None } else { facets(Distribution::Ggx, m.alpha) }
             }
         };
+        let mut through = 0.0;
         if boundary.is_some() {
-            reflects += bsdf.passing(cos_o);
+            let of = OfFacet::new(&bsdf, cos_o);
+            reflects += of.passing;
+            through = 1.0 - of.reflecting;
         }
         let ray = |ray: Option<(Vec3, Spectrum)>| ray.map_or(0.0, |(_, weight)| weight.luminance().max(0.0));
         // Both are drawn by the cosine.
@@ -138,7 +143,9 @@ impl Scatter {
         let of = [diffuse, glossy, ray(rays.reflected), ray(rays.refracted)];
         let sum: f32 = of.iter().sum();
         let p = if sum > 0.0 && sum.is_finite() { of.map(|w| w / sum) } else { [0.0; 4] };
-        Self { bsdf, n, wo, gloss, boundary, rays, p }
+        let through =
+            if boundary.is_some() && p[1] > 0.0 { (p[1] * through / (p[0] + p[1])).clamp(LEAST, 1.0 - LEAST) } else { 0.0 };
+        Self { bsdf, n, wo, gloss, boundary, rays, through, p }
     }
 
     /// Nothing but perfect rays goes on: no direction can be looked in.
@@ -148,20 +155,12 @@ impl Scatter {
 
     /// How often, about, a rough lobe sends a direction through the surface: 0 where none does, else neither never nor always.
     pub fn share_through(&self) -> f32 {
-        if self.boundary.is_none() || self.p[1] <= 0.0 {
-            return 0.0;
-        }
-        let through = self.p[1] * (1.0 - self.reflecting(self.n.dot(self.wo).clamp(0.0, 1.0)));
-        (through / (self.p[0] + self.p[1])).clamp(LEAST, 1.0 - LEAST)
+        self.through
     }
 
     /// How often a facet under `cos = v·h` is taken to reflect.
     fn reflecting(&self, cos: f32) -> f32 {
-        if self.boundary.is_none() {
-            return 1.0;
-        }
-        let (reflected, passing) = (self.bsdf.facet(cos).luminance(), self.bsdf.passing(cos).luminance());
-        if passing > 0.0 { reflected / (reflected + passing) } else { 1.0 }
+        if self.boundary.is_some() { OfFacet::new(&self.bsdf, cos).reflecting } else { 1.0 }
     }
 
     /// `f(wo, wi) |n·wi|`, from behind of rough refraction, and the density with which [`Self::sample`] draws `wi` by the rough lobes.
@@ -170,13 +169,29 @@ impl Scatter {
         if cos_i <= 0.0 {
             return self.through(wi);
         }
-        let lobes = match (&self.bsdf, self.gloss) {
-            (Bsdf::Phong(m), gloss) => {
-                Lobes { diffuse: lambert::f_cos(m.diffuse, self.n, wi), specular: self.power(gloss, wi) * cos_i }
+        let pdf = self.p[0] * cos_i * FRAC_1_PI;
+        match (&self.bsdf, self.gloss) {
+            (Bsdf::Phong(m), Gloss::None) => {
+                (Lobes { diffuse: lambert::f_cos(m.diffuse, self.n, wi), specular: Spectrum::BLACK }, pdf)
             }
-            (bsdf, _) => bsdf.evaluate_cos(self.n, self.wo, wi),
-        };
-        (lobes, self.p[0] * cos_i * FRAC_1_PI + if self.p[1] > 0.0 { self.p[1] * self.gloss_pdf(wi) } else { 0.0 })
+            (bsdf, _) => match Angles::new(self.n, self.wo, wi) {
+                Some(angles) => {
+                    (self.lobes(wi, &angles), pdf + if self.p[1] > 0.0 { self.p[1] * self.gloss_pdf(wi, &angles) } else { 0.0 })
+                }
+                // The viewer is behind a shading normal: there is no gloss.
+                None => (bsdf.evaluate_cos(self.n, self.wo, wi), pdf),
+            },
+        }
+    }
+
+    /// `f (n·wi)` of light and viewer in front.
+    fn lobes(&self, wi: Vec3, angles: &Angles) -> Lobes {
+        match &self.bsdf {
+            Bsdf::Unlit(_) => Lobes::BLACK,
+            Bsdf::Phong(m) => Lobes { diffuse: lambert::f_cos(m.diffuse, self.n, wi), specular: self.power(wi) * angles.n_l },
+            Bsdf::CookTorrance(m) => m.evaluate_at(angles),
+            Bsdf::MetallicRoughness(m) => m.evaluate_at(angles),
+        }
     }
 
     /// What is refracted from `wi`, behind the surface, and its density.
@@ -185,14 +200,15 @@ impl Scatter {
         let Some(boundary) = self.boundary.filter(|_| self.p[1] > 0.0) else { return nothing };
         let Some(refraction) = boundary.between(self.n, self.wo, wi) else { return nothing };
         let cos = refraction.angles.v_h;
-        let f = self.bsdf.passing(cos) * boundary.refract_cos(&refraction);
-        let pdf = self.p[1] * (1.0 - self.reflecting(cos)) * boundary.pdf(&refraction);
+        let of = OfFacet::new(&self.bsdf, cos);
+        let f = of.passing * boundary.refract_cos(&refraction);
+        let pdf = self.p[1] * (1.0 - of.reflecting) * boundary.pdf(&refraction);
         if f.is_finite() && pdf.is_finite() { (Lobes { diffuse: Spectrum::BLACK, specular: f }, pdf) } else { nothing }
     }
 
     /// The value of a power of a cosine, 1/sr.
-    fn power(&self, gloss: Gloss, wi: Vec3) -> Spectrum {
-        match gloss {
+    fn power(&self, wi: Vec3) -> Spectrum {
+        match self.gloss {
             Gloss::Power { about: PhongLobe::Phong, exponent, k_s } => k_s * phong::phong_lobe(self.n, self.wo, wi, exponent),
             Gloss::Power { about: PhongLobe::BlinnPhong, exponent, k_s } => {
                 k_s * phong::blinn_lobe(self.n, self.wo, wi, exponent)
@@ -202,23 +218,23 @@ impl Scatter {
     }
 
     /// The density of the glossy lobe alone, 1/sr.
-    fn gloss_pdf(&self, wi: Vec3) -> f32 {
+    fn gloss_pdf(&self, wi: Vec3, angles: &Angles) -> f32 {
         match self.gloss {
             Gloss::None => 0.0,
             Gloss::Power { about: PhongLobe::Phong, exponent, .. } => {
                 (exponent + 1.0) / TAU * phong::phong_lobe(self.n, self.wo, wi, exponent)
             }
             Gloss::Power { about: PhongLobe::BlinnPhong, exponent, .. } => {
-                let v_h = self.wo.dot((self.wo + wi).normalize_or_zero());
-                if v_h > 0.0 {
-                    (exponent + 1.0) / (4.0 * TAU * v_h) * phong::blinn_lobe(self.n, self.wo, wi, exponent)
+                if angles.v_h > 0.0 {
+                    (exponent + 1.0) / (4.0 * TAU * angles.v_h) * phong::blinn_lobe(self.n, self.wo, wi, exponent)
                 } else {
                     0.0
                 }
             }
             // D_v over 4 (v·h).
-            Gloss::Facets { distribution, alpha, visible } => Angles::new(self.n, self.wo, wi)
-                .map_or(0.0, |angles| self.reflecting(angles.v_h) * microfacet::d(distribution, alpha, &angles) * 0.25 * visible),
+            Gloss::Facets { distribution, alpha, visible } => {
+                self.reflecting(angles.v_h) * microfacet::d(distribution, alpha, angles) * 0.25 * visible
+            }
         }
     }
 
@@ -272,6 +288,23 @@ impl Scatter {
                 }
             }
         }
+    }
+}
+
+/// What a facet of a rough boundary does.
+struct OfFacet {
+    /// What it lets through.
+    passing: Spectrum,
+    /// How often it is taken to reflect.
+    reflecting: f32,
+}
+
+impl OfFacet {
+    /// Under `cos = v·h`.
+    fn new(bsdf: &Bsdf, cos: f32) -> Self {
+        let [facet, passing] = bsdf.facet_and_passing(cos);
+        let (reflected, passed) = (facet.luminance(), passing.luminance());
+        Self { passing, reflecting: if passed > 0.0 { reflected / (reflected + passed) } else { 1.0 } }
     }
 }
 

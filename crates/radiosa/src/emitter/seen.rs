@@ -135,7 +135,7 @@ impl<'a> Seen<'a> {
         let (position, normal, wi, distance, share) = match (&self.how, &self.surface.shape) {
             (How::Triangle { solid_angle, cos }, EmissiveShape::Triangle(corners)) => {
                 let (u, pdf) = warp::bilinear(bilinear_corners(cos), u);
-                let (wi, distance) = on_spherical_triangle(corners, p, f64::from(*solid_angle), u)?;
+                let (wi, distance) = on_spherical_triangle(corners, p, *solid_angle, u)?;
                 let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
                 (p + wi * distance, normal, wi, distance, solid_angle / pdf)
             }
@@ -229,26 +229,36 @@ fn sphere(m: &Affine3A) -> (Vec3, f32, bool) {
 
 /// Direction and distance of a point of a triangle, uniform over the solid angle seen from `p` [Arvo95]: a plane through the first corner cuts off the
 /// part `u.x` of it, and the point lies on the arc from the second corner to where that plane meets the far edge.
-fn on_spherical_triangle(corners: &[Vec3; 3], p: Vec3, solid_angle: f64, u: Vec2) -> Option<(Vec3, f32)> {
-    let corners = corners.map(|corner| corner.as_dvec3() - p.as_dvec3());
-    let [a, b, c] = corners.map(DVec3::normalize);
-    // The angle at A, between the planes through AB and AC.
-    let (ab, ac) = (a.cross(b).try_normalize()?, a.cross(c).try_normalize()?);
-    let (cos_a, sin_a) = (ab.dot(ac), ab.cross(ac).length());
-    let part = f64::from(u.x) * solid_angle;
-    let (sin_s, cos_s) = (function::sin_f64(part), function::cos_f64(part));
-    // sin and cos of part − A.
-    let (sin_t, cos_t) = (sin_s * cos_a - cos_s * sin_a, cos_s * cos_a + sin_s * sin_a);
-    let (du, dv) = (cos_t - cos_a, sin_t + sin_a * a.dot(b));
-    let q = ((dv * cos_t - du * sin_t) * cos_a - dv) / ((dv * sin_t + du * cos_t) * sin_a);
-    let q = if q.is_finite() { q.clamp(-1.0, 1.0) } else { 1.0 };
-    let beside = |x: DVec3, y: DVec3| (x - y * x.dot(y)).normalize_or_zero();
-    let end = a * q + beside(c, a) * (1.0 - q * q).sqrt();
-    let z = 1.0 - f64::from(u.y) * (1.0 - end.dot(b));
-    let wi = b * z + beside(end, b) * (1.0 - z * z).max(0.0).sqrt();
+///
+/// The triangle cut off has the excess `E = u.x Ω`, the angle `α` at A and the side `c` to B; with the tangents of half its sides Napier's form of the excess,
+/// `cot(E/2) sin α = cot(b/2) cot(c/2) + cos α`, says how far along AC the arc ends:
+///
+/// ```text
+/// tan(b/2) = sin(E/2) / (tan(c/2) sin(α − E/2))
+/// ```
+///
+/// where, unlike in the cosine of `b`, nothing cancels: single precision tells.
+fn on_spherical_triangle(corners: &[Vec3; 3], p: Vec3, solid_angle: f32, u: Vec2) -> Option<(Vec3, f32)> {
+    let to_corner = corners[0] - p;
+    let [a, b, c] = [to_corner, corners[1] - p, corners[2] - p].map(Vec3::normalize);
+    // The planes through AB and AC, and the angle between them.
+    let across = a.cross(b);
+    let sin_c = across.length();
+    let (ab, ac) = (across / sin_c, a.cross(c).normalize_or_zero());
+    let (sin_alpha, cos_alpha) = (ab.cross(ac).length(), ab.dot(ac));
+    let (sin_half, cos_half) = function::sin_cos(0.5 * u.x * solid_angle);
+    let (over, under) = (sin_half * (1.0 + a.dot(b)), sin_c * (sin_alpha * cos_half - cos_alpha * sin_half));
+    // From tan(b/2) = over/under.
+    let scale = 1.0 / (under * under + over * over);
+    let end = a * ((under * under - over * over) * scale) + ac.cross(a) * (2.0 * under * over * scale);
+    // By 1 − cosine of the arc from B: that to its end is half the chord's square.
+    let chord = end - b;
+    let far = 0.5 * chord.length_squared();
+    let down = u.y * far;
+    let wi = b * (1.0 - down) + (chord + b * far).normalize_or_zero() * (down * (2.0 - down)).max(0.0).sqrt();
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-    let distance = corners[0].dot(normal) / wi.dot(normal);
-    (distance > 0.0 && distance.is_finite()).then(|| (wi.as_vec3(), distance as f32))
+    let distance = to_corner.dot(normal) / wi.dot(normal);
+    (distance > 0.0 && distance.is_finite()).then_some((wi, distance))
 }
 
 /// The inverse of [`on_spherical_triangle`] for a direction that meets the triangle.

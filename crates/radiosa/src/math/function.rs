@@ -24,6 +24,11 @@ forward! {
     ln, libm::logf, ln_f64, libm::log;
 }
 
+/// `(sin x, cos x)` in f32.
+pub fn sin_cos(x: f32) -> (f32, f32) {
+    libm::sincosf(x)
+}
+
 /// `atan2(y, x)` in f32.
 pub fn atan2(y: f32, x: f32) -> f32 {
     libm::atan2f(y, x)

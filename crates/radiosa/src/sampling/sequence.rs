@@ -37,7 +37,7 @@ const fn directions(first: &[u32], back: &[usize]) -> Directions {
     v
 }
 
-/// What the four bytes of an index add.
+/// What the four bytes of an index add, its last bit first.
 static BYTES: [[[u32; 256]; 4]; 3] = [by_byte(SECOND), by_byte(THIRD), by_byte(FOURTH)];
 
 const fn by_byte(v: Directions) -> [[u32; 256]; 4] {
@@ -48,7 +48,7 @@ const fn by_byte(v: Directions) -> [[u32; 256]; 4] {
         let mut bit = 0;
         while bit < 8 {
             if value >> bit & 1 == 1 {
-                table[byte][value] ^= v[8 * byte + bit];
+                table[byte][value] ^= v[8 * byte + bit].reverse_bits();
             }
             bit += 1;
         }
@@ -57,14 +57,14 @@ const fn by_byte(v: Directions) -> [[u32; 256]; 4] {
     table
 }
 
-/// One of the dimensions behind the first, from 0.
+/// One of the dimensions behind the first, from 0, its last bit first.
 fn dimension(which: usize, index: u32) -> u32 {
     index.to_le_bytes().iter().zip(&BYTES[which]).fold(0, |sum, (byte, table)| sum ^ table[*byte as usize])
 }
 
-/// The first two dimensions of Sobol's sequence, as 32-bit fractions.
+/// The first two dimensions of Sobol's sequence, as 32-bit fractions whose last bit comes first: so they are scrambled.
 fn sobol(index: u32) -> [u32; 2] {
-    [index.reverse_bits(), dimension(0, index)]
+    [index, dimension(0, index)]
 }
 
 /// The third and fourth dimension.
@@ -72,9 +72,9 @@ fn sobol_more(index: u32) -> [u32; 2] {
     [dimension(1, index), dimension(2, index)]
 }
 
-/// Nested uniform (Owen) scrambling of a 32-bit fraction: flips each bit by a hash of the bits above it.
-fn scramble(x: u32, seed: u32) -> u32 {
-    let mut x = x.reverse_bits().wrapping_add(seed);
+/// Nested uniform (Owen) scrambling of a 32-bit fraction whose last bit comes first: flips each bit by a hash of the bits above it. Returns it the right way round.
+fn scramble(reversed: u32, seed: u32) -> u32 {
+    let mut x = reversed.wrapping_add(seed);
     for multiplier in [0x6C50_B47C_u32, 0xB82F_1E52, 0xC7AF_E638, 0x8D22_F6E6] {
         x ^= x.wrapping_mul(multiplier);
     }
@@ -86,14 +86,14 @@ fn scramble(x: u32, seed: u32) -> u32 {
 pub fn point_2d(index: u32, key: u64) -> Vec2 {
     let order = (rng::mix(key) >> 32) as u32;
     let seeds = rng::mix(key ^ 0x5851_F42D_4C95_7F2D);
-    let [x, y] = sobol(scramble(index, order));
+    let [x, y] = sobol(scramble(index.reverse_bits(), order));
     Vec2::new(unit_f32(scramble(x, (seeds >> 32) as u32)), unit_f32(scramble(y, seeds as u32)))
 }
 
 /// Point `index` of the four-dimensional set that `key` names: what a ray from somewhere of a surface to somewhere needs. The first two dimensions
 /// are as even as those of [`point_2d`], and so are, nearly, the last two and all four together.
 pub fn point_4d(index: u32, key: u64) -> [Vec2; 2] {
-    let index = scramble(index, (rng::mix(key) >> 32) as u32);
+    let index = scramble(index.reverse_bits(), (rng::mix(key) >> 32) as u32);
     let seeds = [0x5851_F42D_4C95_7F2D, 0x1405_7B7E_F767_814F].map(|word| rng::mix(key ^ word));
     let pair =
         |[x, y]: [u32; 2], seed: u64| Vec2::new(unit_f32(scramble(x, (seed >> 32) as u32)), unit_f32(scramble(y, seed as u32)));
@@ -156,11 +156,11 @@ mod tests {
         for (index, expected) in expected.iter().enumerate() {
             let [a, b] = sobol(index as u32);
             let [c, d] = sobol_more(index as u32);
-            assert_eq!([a, b, c, d], expected.map(half), "index {index}");
+            assert_eq!([a, b, c, d].map(u32::reverse_bits), expected.map(half), "index {index}");
         }
         // Beyond what tables of one byte hold, against the recurrence itself.
         let slow = |index: u32| (0..32).filter(|k| index >> k & 1 == 1).fold(0, |sum, k| sum ^ FOURTH[k]);
-        assert!([257, 65_536, 0xDEAD_BEEF].iter().all(|&index| sobol_more(index)[1] == slow(index)));
+        assert!([257, 65_536, 0xDEAD_BEEF].iter().all(|&index| sobol_more(index)[1].reverse_bits() == slow(index)));
     }
 
     /// The number of elementary intervals of area 1/n that do not hold exactly one of n points.

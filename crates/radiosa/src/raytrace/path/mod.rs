@@ -97,6 +97,8 @@ pub struct PathTracer {
     has_backdrop: bool,
     /// Something transparent has an inside.
     has_bodies: bool,
+    /// Something emissive may be within one.
+    has_light_in_bodies: bool,
     /// Somewhere light is scattered or emitted between surfaces, or space around bodies absorbs.
     has_media: bool,
     /// What takes light away from shadow rays.
@@ -134,6 +136,7 @@ impl PathTracer {
             hemispheres: hemispheres.collect(),
             has_backdrop: default_light::has_backdrop(world, &settings.extra_lights),
             has_bodies,
+            has_light_in_bodies: has_bodies && has_light_in_bodies(world),
             has_media,
             loss,
             around_eye: settings.eye.filter(|_| has_bodies).map_or(Media::VACUUM, |eye| Media::around(world, eye)),
@@ -168,6 +171,13 @@ impl PathTracer {
             .iter()
             .fold(Spectrum::BLACK, |sum, (axis, up, down)| sum + if axis.dot(dir) >= 0.0 { *up } else { *down })
     }
+}
+
+/// Whether an emissive surface, as far as a point of each of the first thousand tells, is within a body.
+fn has_light_in_bodies(world: &World) -> bool {
+    const LOOKED_AT: usize = 1000;
+    let emissive = world.emissive();
+    emissive.len() > LOOKED_AT || emissive.iter().any(|s| Media::around(world, s.shape.bounds().centre()).current().is_some())
 }
 
 /// Independent sets of paths at a sensor.

@@ -419,7 +419,7 @@ impl<'a> Walk<'a> {
         let is_thrown = throws(vertex, scatter, &scattered);
         let last = match scattered.way {
             Way::Rough { pdf } => {
-                let share = scatter.share_through();
+                let share = self.looked_for_behind(vertex, scatter);
                 let (side, n, share) =
                     if goes_through(vertex, &scattered) { (-side, -shading.n, share) } else { (side, shading.n, 1.0 - share) };
                 if scattered.wi.dot(side) <= 0.0 {
@@ -447,6 +447,16 @@ impl<'a> Walk<'a> {
         Some((scattered, onward))
     }
 
+    /// How often points of emissive surfaces are looked for behind a surface: by how much it refracts, but never within a body of rough glass where none are, since
+    /// what is outside is not seen straight from there.
+    fn looked_for_behind(&self, vertex: &Vertex, scatter: &Scatter) -> f32 {
+        let share = scatter.share_through();
+        if share <= 0.0 || !vertex.is_boundary || self.method.has_light_in_bodies {
+            return share;
+        }
+        if vertex.entering { 0.0 } else { 1.0 }
+    }
+
     /// Light that comes straight from a source, as far as directions to it are drawn.
     fn next_event(&mut self, vertex: &Vertex, scatter: &Scatter) -> Found {
         let mut light = Found::default();
@@ -455,12 +465,11 @@ impl<'a> Walk<'a> {
         if scatter.is_perfect() {
             return light;
         }
-        let share = scatter.share_through();
         if method.has_lamps {
             let u = if method.lamps.are_drawn() { self.next_4d()[0] } else { Vec2::ZERO };
             let lamps = method.lamps.at_some(self.world, (surface, shading), (&self.media, u), self.n_rays);
             light.reflected = Lobes { diffuse: lamps.diffuse, specular: lamps.specular };
-            if share > 0.0 {
+            if scatter.share_through() > 0.0 {
                 let behind = if vertex.is_boundary { &self.behind } else { &self.media };
                 light.refracted = method.lamps.refracted(self.world, (surface, shading), (behind, u), self.n_rays);
             }
@@ -468,9 +477,10 @@ impl<'a> Walk<'a> {
         if !method.emissive.is_empty() {
             let [u, choice] = self.next_4d();
             // On one side of a rough boundary.
+            let share = self.looked_for_behind(vertex, scatter);
             let (n, share) = if choice.y < share { (-shading.n, share) } else { (shading.n, 1.0 - share) };
             if let Some(drawn) = method.emissive.draw(surface.p, n, u, choice.x)
-                && (drawn.wi.dot(n) > 0.0 || share >= 1.0)
+                && drawn.wi.dot(n) > 0.0
             {
                 let ray = surface.shadow_ray(drawn.target);
                 let world = self.world;
