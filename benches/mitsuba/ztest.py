@@ -35,7 +35,7 @@ SCENES = {
     "rough-glass": (18, 320, 2048),
     "glass": (24, 160, 832),
     "mirrors": (24, 288, 960),
-    "many-lamps": (12, 1280, 8192),
+    "many-lamps": (12, 1792, 11264),
     "sky": (24, 128, 512),
     "textured": (24, 128, 640),
     "delta-lights": (24, 128, 1024),

@@ -11,7 +11,8 @@ use radiosa::math::DVec3;
 use radiosa::raytrace::path::{FromLight, PathTracer, Settings as PathSettings};
 use radiosa::raytrace::progressive::{ProgressiveRender, Settings};
 use radiosa::spectrum::Spectrum;
-use radiosa::transport::{Solver, Step, View, World};
+use radiosa::stream::{In, Out};
+use radiosa::transport::{Integrator, Solver, Step, View, World};
 
 const SIZE: (u32, u32) = (48, 36);
 
@@ -324,6 +325,50 @@ sphere = { center = [-0.7, 0.65, -0.4], radius = 0.6 }
     // (Weights that left points on the lamp out made it 0.4 % too bright.)
     assert!(error < 1e-3, "{error}");
     assert!(off.abs() < 3.5 * error, "{off} {error}");
+}
+
+#[test]
+fn bodies_around_light_or_eye_leave_all_to_the_eye() {
+    // Within a body light counts by the square of its index.
+    let within = "sphere = { center = [0.3, 0.6, 0], radius = 0.1 }";
+    let reaching_in = "quad = [[0.3, 0.8, 0], [0.3, 1.5, 0], [0.4, 1.5, 0], [0.4, 0.8, 0]]";
+    let water = "fov_y = 50\n[[shape]]\nmaterial = \"glass\"\nbox = { min = [-1.4, 0.1, -1.4], max = [1.4, 1.9, 2.9] }";
+    let point = "sphere = { center = [0, 1.8, 0], radius = 0.1 }\n[light.point]\npoint = [0.3, 0.6, 0.1]\nintensity = 1";
+    for (lamp, camera) in [(within, "fov_y = 50"), (reaching_in, "fov_y = 50"), (point, "fov_y = 50"), (QUAD, water)] {
+        assert!(!caustics(SMOOTH, lamp, camera).method(1 << 12).has_splats(), "{lamp}, {camera}");
+    }
+    assert!(caustics(SMOOTH, QUAD, "fov_y = 50").method(1 << 12).has_splats());
+    // A lamp in a ball of glass gives the same with and without, to the bit.
+    let stage = caustics(SMOOTH, within, "fov_y = 50");
+    let draw = |n: u32| stage.draw(&stage.method(n), Filter::Box, 2, 3);
+    assert!(draw(1 << 12).planes().iter().zip(draw(0).planes()).all(|(a, b)| a.values == b.values));
+}
+
+#[test]
+fn a_state_that_wanted_more_ends_where_it_is_asked_to() {
+    let stage = caustics(SMOOTH, QUAD, "fov_y = 50");
+    let method = stage.method(1 << 12);
+    let begin = |spp: u32| {
+        let sampling = Sampling { width: SIZE.0, height: SIZE.1, spp, filter: Filter::Box, seed: 5, layers: vec![Layer::Color] };
+        ProgressiveRender::new(&method, &stage.view, Settings { sampling, noise: None, blue_noise: None }).expect("a film")
+    };
+    let mut render = begin(9);
+    while !(render.samples_a_pixel() == [3, 3] && render.is_even()) {
+        render.step(&stage.world);
+    }
+    let mut bytes = Vec::new();
+    render.store(&mut Out(&mut bytes)).expect("memory takes everything");
+    let finish = |mut render: ProgressiveRender<'_, PathTracer>| {
+        while let Step::Working { .. } = render.step(&stage.world) {}
+        render.into_film()
+    };
+    let values = |film: &Film| film.planes().iter().flat_map(|plane| plane.values.clone()).collect::<Vec<f32>>();
+    for spp in [3, 4] {
+        let mut again = begin(spp);
+        again.restore(&mut In(&mut &bytes[..])).expect("it was just written");
+        assert!(values(&finish(again)) == values(&finish(begin(spp))), "{spp} samples");
+    }
+    assert!(values(&finish(begin(3))) != values(&finish(begin(4))));
 }
 
 #[test]

@@ -94,7 +94,7 @@ pub(crate) fn draw(
     let resumed = resumed.map(|_| render.n_samples());
     let write = |render: &ProgressiveRender<'_, PathTracer>, path: &Path| checkpoint::write(path, world.scene(), &words, render);
 
-    let (began, n_before) = (Instant::now(), render.n_samples());
+    let (began, n_before, rays_before) = (Instant::now(), render.n_samples(), render.n_rays());
     let (mut first, mut last_save, mut is_saved) = (None, (Instant::now(), Duration::ZERO), resumed.is_some());
     let mut done = 1.0;
     while let Step::Working { done: part } = render.step(world) {
@@ -141,11 +141,13 @@ pub(crate) fn draw(
     let repeat = match (picture.noise, noise) {
         _ if !is_even => None,
         (None, _) => Some(format!("--spp {}", range[0])),
-        // The first batch to come below this is the same; rounded up, so that it does.
-        (Some(_), Some(noise)) => Some(format!("--noise {:.5}", noise + 5e-6)),
-        (Some(_), None) => None,
+        // What it asked for decides where samples went, too.
+        (Some(asked), Some(noise)) if noise <= asked => {
+            Some(picture.spp.map_or_else(String::new, |spp| format!("--spp {spp} ")) + &format!("--noise {asked}"))
+        }
+        (Some(_), _) => None,
     };
     let mean = render.n_samples() as f64 / n_pixels;
     let sampled = Sampled { mean, range, noise, repeat, resumed, first, checkpoint };
-    Ok(Drawing { done, count: render.n_rays(), film: render.into_film(), lines: None, sampled: Some(sampled) })
+    Ok(Drawing { done, count: render.n_rays() - rays_before, film: render.into_film(), lines: None, sampled: Some(sampled) })
 }

@@ -309,5 +309,5 @@ impl OfFacet {
 }
 
 /// A glossy lobe is drawn at least this part as often as the diffuse one: towards grazing angles it reflects more than the estimate has. And light is looked for at
-/// least as often on each side of a rough boundary.
+/// least as often on each side of a rough sheet.
 const LEAST: f32 = 0.1;

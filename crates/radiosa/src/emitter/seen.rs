@@ -237,7 +237,8 @@ fn sphere(m: &Affine3A) -> (Vec3, f32, bool) {
 /// tan(b/2) = sin(E/2) / (tan(c/2) sin(α − E/2))
 /// ```
 ///
-/// where, unlike in the cosine of `b`, nothing cancels: single precision tells.
+/// where, unlike in the cosine of `b`, nothing cancels: single precision tells. How far the triangle's plane is along the direction is for double precision: near the plane, in single
+/// precision, points of large triangles would lie off it, and in their own shadow.
 fn on_spherical_triangle(corners: &[Vec3; 3], p: Vec3, solid_angle: f32, u: Vec2) -> Option<(Vec3, f32)> {
     let to_corner = corners[0] - p;
     let [a, b, c] = [to_corner, corners[1] - p, corners[2] - p].map(Vec3::normalize);
@@ -257,7 +258,8 @@ fn on_spherical_triangle(corners: &[Vec3; 3], p: Vec3, solid_angle: f32, u: Vec2
     let down = u.y * far;
     let wi = b * (1.0 - down) + (chord + b * far).normalize_or_zero() * (down * (2.0 - down)).max(0.0).sqrt();
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-    let distance = to_corner.dot(normal) / wi.dot(normal);
+    let normal = normal.as_dvec3();
+    let distance = ((corners[0].as_dvec3() - p.as_dvec3()).dot(normal) / wi.as_dvec3().dot(normal)) as f32;
     (distance > 0.0 && distance.is_finite()).then_some((wi, distance))
 }
 
@@ -455,6 +457,26 @@ mod tests {
         assert!(Seen::new(&surface(triangle, false), Vec3::ZERO, Vec3::Z).is_none());
         assert!(Seen::new(&surface(triangle, true), Vec3::ZERO, Vec3::Z).is_some());
         assert!(Seen::new(&surface(triangle, false), Vec3::Z * 2.0, Vec3::NEG_Z).is_some());
+    }
+
+    #[test]
+    fn a_large_triangle_does_not_hide_its_own_points() {
+        for (side, height) in [(5.0f32, 0.01f32), (50.0, 0.02), (0.5, 0.3)] {
+            // Above the origin, slanting.
+            let corners = [[-0.4, -0.3], [0.6, -0.2], [-0.1, 0.7]]
+                .map(|[x, y]: [f32; 2]| Vec3::new(x * side, y * side, height + 0.3 * height * x));
+            let panel = surface(EmissiveShape::Triangle(corners), true);
+            let p = Vec3::new(0.31, -0.17, 0.0);
+            let seen = Seen::new(&panel, p, Vec3::Z).expect("it shines there");
+            let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+            let normal = (b - a).cross(c - a);
+            let side_of = |q: Vec3| (q.as_dvec3() - a).dot(normal) * (p.as_dvec3() - a).dot(normal);
+            let drawn: Vec<_> = (0..20_000).filter_map(|i| seen.draw(p, sequence::point_2d(i, 7))).collect();
+            assert!(drawn.len() > 19_000);
+            assert!(drawn.iter().all(|d| side_of(d.target) > 0.0), "side {side}, height {height}");
+            // The twin's rays end on the panel itself, to rounding.
+            assert!(drawn.iter().any(|d| side_of(d.position) <= 0.0));
+        }
     }
 
     /// Whether a ray from `p` to a point ends before it meets a ball around the origin.

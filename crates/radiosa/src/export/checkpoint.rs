@@ -58,7 +58,7 @@ pub fn resume<I: Integrator>(
     let mut input = In(&mut body);
     let others = [
         "it is of another scene, or the scene has changed since",
-        "it is of a picture with other settings: only --spp, --noise, --time, --threads and --save-every may differ to go on",
+        "it is of a picture with other settings: only --time, --threads, --save-every and the value of --noise or, without --noise, of --spp may differ to go on",
     ];
     container::check_origin(&mut input, path, (fingerprint(scene), settings), others)?;
     render.restore(&mut input).map_err(|e| damaged(path, &e))?;

@@ -10,8 +10,8 @@
 //! is added where the surface is seen; p_e counts pixels a square metre of it. Shading normals count by Veach's correction, since light and importance meet them differently.
 //!
 //! Paths from the eye can find the same light, where its source has a size, by their last direction or by a point drawn on the source: together they are weighed against paths from the light by the power heuristic. Over the area of the first surface times the solid angles of all
-//! directions from there on, a path from the eye (of b that a camera sample sends on) has the density `b p_e Π p_i`. The product of area across a ray and solid angle is the same everywhere along it, at mirrors and
-//! glass too, so that in the same measure one of n paths from the light has `n e Π |ng·ω_i| Π p′_i/|ng·ω′_i|`. Inner surfaces reflect about alike both ways, `p_i/|ng·ω_i| ≈ p′_i/|ng·ω′_i|`, and their factors are left
+//! directions from there on, a path from the eye (of b that a camera sample sends on) has the density `b p_e Π p_i`. The product of area across a ray and solid angle is the same everywhere along it, at mirrors and,
+//! with light and eye outside of bodies, through glass too, so that in the same measure one of n paths from the light has `n e Π |ng·ω_i| Π p′_i/|ng·ω′_i|`. Inner surfaces reflect about alike both ways, `p_i/|ng·ω_i| ≈ p′_i/|ng·ω′_i|`, and their factors are left
 //! out; what is left is the rivalry
 //!
 //! ```text
@@ -65,7 +65,7 @@ pub(super) struct LightPaths {
 impl LightPaths {
     /// `None` where nothing mirrors or refracts, the camera has a lens, or nothing shines on it that can be drawn from.
     pub(super) fn new(world: &World, settings: &FromLight, extra_lights: &[Light]) -> Option<Self> {
-        let targets = targets(world);
+        let targets = spheres_around(world, throws_light);
         if targets.is_empty() || settings.n == 0 || !settings.view.shows_points_once() {
             return None;
         }
@@ -232,12 +232,12 @@ impl Walk<'_> {
     }
 }
 
-/// The spheres around all that mirrors or refracts, by instance.
-fn targets(world: &World) -> Vec<Target> {
+/// The spheres around all that is of such materials, by instance.
+pub(super) fn spheres_around(world: &World, is_wanted: impl Fn(&Material) -> bool) -> Vec<Target> {
     let mut targets = Vec::new();
     let (geometry, scene) = (world.accel().geometry(), world.scene());
     for (placed, id) in geometry.placed.iter().zip(0u32..) {
-        let is_target = |primitive: u32| throws_light(world.material(scene.material_of(crate::scene::InstanceId(id), primitive)));
+        let is_target = |primitive: u32| is_wanted(world.material(scene.material_of(crate::scene::InstanceId(id), primitive)));
         match &geometry.shapes[placed.shape as usize] {
             Shape::Mesh { positions, triangles } => {
                 let corners = || {

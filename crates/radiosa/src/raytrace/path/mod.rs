@@ -19,9 +19,12 @@ mod from_light;
 mod medium;
 mod walk;
 
+use rayon::prelude::*;
+
 use crate::bsdf::Highlights;
 use crate::bsdf::fresnel::Weighing;
 use crate::emitter::EnvironmentShadows;
+use crate::emitter::area::{EmissiveShape, EmissiveSurface};
 use crate::emitter::random::PointSampler;
 use crate::emitter::sky_sampler::SkySampler;
 use crate::film::Pixel;
@@ -61,7 +64,7 @@ pub struct Settings {
     /// The eye point, as for Whitted's method.
     pub eye: Option<Vec3>,
     /// Light that mirrors and glass throw is looked for from its sources, too, and weighed against what paths from the eye find of it. Only for pictures that add it
-    /// ([`Integrator::splats`]); not where media scatter.
+    /// ([`Integrator::splats`]); not where media scatter, nor where the eye or a light source is within a body.
     pub from_light: Option<FromLight>,
 }
 
@@ -97,7 +100,7 @@ pub struct PathTracer {
     has_backdrop: bool,
     /// Something transparent has an inside.
     has_bodies: bool,
-    /// Something emissive may be within one.
+    /// A light source is within one.
     has_light_in_bodies: bool,
     /// Somewhere light is scattered or emitted between surfaces, or space around bodies absorbs.
     has_media: bool,
@@ -126,7 +129,11 @@ impl PathTracer {
             _ => None,
         });
         let has_bodies = world.scene().materials.iter().any(|m| m.transmits() && m.has_inside());
-        let from_light = settings.from_light.as_ref().filter(|_| !has_media);
+        let has_light_in_bodies = has_bodies && has_light_in_bodies(world, &settings.extra_lights);
+        let around_eye = settings.eye.filter(|_| has_bodies).map_or(Media::VACUUM, |eye| Media::around(world, eye));
+        // Within bodies light counts by the square of their index, which paths from the light do not know.
+        let is_in_bodies = has_light_in_bodies || around_eye.current().is_some();
+        let from_light = settings.from_light.as_ref().filter(|_| !has_media && !is_in_bodies);
         Self {
             from_light: from_light.and_then(|asked| LightPaths::new(world, asked, &settings.extra_lights)),
             has_lamps,
@@ -136,10 +143,10 @@ impl PathTracer {
             hemispheres: hemispheres.collect(),
             has_backdrop: default_light::has_backdrop(world, &settings.extra_lights),
             has_bodies,
-            has_light_in_bodies: has_bodies && has_light_in_bodies(world),
+            has_light_in_bodies,
             has_media,
             loss,
-            around_eye: settings.eye.filter(|_| has_bodies).map_or(Media::VACUUM, |eye| Media::around(world, eye)),
+            around_eye,
             settings: settings.clone(),
         }
     }
@@ -173,11 +180,22 @@ impl PathTracer {
     }
 }
 
-/// Whether an emissive surface, as far as a point of each of the first thousand tells, is within a body.
-fn has_light_in_bodies(world: &World) -> bool {
-    const LOOKED_AT: usize = 1000;
-    let emissive = world.emissive();
-    emissive.len() > LOOKED_AT || emissive.iter().any(|s| Media::around(world, s.shape.bounds().centre()).current().is_some())
+/// Whether a light source is within a body: a corner or the centre of something emissive, or a lamp with a place.
+fn has_light_in_bodies(world: &World, extra_lights: &[Light]) -> bool {
+    let bodies = from_light::spheres_around(world, |material| material.transmits() && material.has_inside());
+    let is_within = |p: Vec3| {
+        bodies.iter().any(|body| (p - body.centre).length() <= body.radius * (1.0 + 1e-4))
+            && Media::around(world, p).current().is_some()
+    };
+    let of_surface = |surface: &EmissiveSurface| match surface.shape {
+        EmissiveShape::Triangle(corners) => corners.into_iter().chain([corners.iter().sum::<Vec3>() / 3.0]).any(is_within),
+        shape => is_within(shape.bounds().centre()),
+    };
+    let of_lamp = |light: &Light| match light.kind {
+        LightKind::Point { position, .. } | LightKind::Spot { position, .. } => is_within((position - world.origin()).as_vec3()),
+        _ => false,
+    };
+    world.scene().lights.iter().chain(extra_lights).any(of_lamp) || world.emissive().par_iter().any(of_surface)
 }
 
 /// Independent sets of paths at a sensor.

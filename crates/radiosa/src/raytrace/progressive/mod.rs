@@ -199,7 +199,7 @@ impl<'a, I: Integrator> ProgressiveRender<'a, I> {
     /// Does some of what is wanted; false when there is nothing left of it.
     fn work(&mut self, world: &World) -> bool {
         let is_wanting = self.cell > 0 || self.blocks.iter().any(|b| b.n < b.target);
-        if let Some(light) = self.light.as_mut().filter(|_| !is_wanting) {
+        if let Some(light) = self.light.as_mut().filter(|light| !is_wanting && light.n < self.light_target) {
             self.is_even = false;
             let splats = self.integrator.splats(world, self.settings.sampling.seed, light.n, &mut light.n_rays);
             light.add(&splats);
@@ -348,6 +348,10 @@ impl<'a, I: Integrator> ProgressiveRender<'a, I> {
         }
         if self.settings.noise.is_none() {
             self.blocks.iter_mut().for_each(|b| b.target = b.target.min(most));
+            self.light_target = self.light_target.min(most);
+            if self.light.as_ref().is_some_and(|light| light.n > most) {
+                return Err(wrong("it has more passes from the light than --spp asks for"));
+            }
         }
         // Whoever wants more samples or less noise than before goes on.
         if flags & 1 > 0 {
