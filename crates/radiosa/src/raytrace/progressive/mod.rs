@@ -38,8 +38,9 @@ const AT_ONCE: u32 = 16;
 /// pixels along it, is an error of up to 1/n in those pixels.
 const EVEN: [u32; 2] = [4, 32];
 const EVEN_FOR_NOISE: f64 = 0.4;
-/// The film is composed again after this part of new samples.
+/// The film is composed again after this part of new samples; while pixels have not all their first one, after this.
 const REFRESH: f64 = 1.0 / 16.0;
+const REFRESH_FIRST: f64 = 1.0;
 
 /// What is wanted of a picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -171,18 +172,21 @@ impl<'a, I: Integrator> ProgressiveRender<'a, I> {
         let (width, across) = (self.settings.sampling.width, self.settings.sampling.width.div_ceil(SIDE));
         let factors = if self.film.has(Layer::Variance) { Error::of(blocks).factors(blocks, width) } else { Vec::new() };
         // Where the first pass has not been: what stands for the smallest square that has a sample.
-        let is_first = self.cell > 0;
-        let place = |[x, y]: [u32; 2]| {
-            let at = |cell: u32| {
-                let pixel = [x & !(cell - 1), y & !(cell - 1)];
-                ((pixel[1] / SIDE * across + pixel[0] / SIDE) as usize, Block::local(pixel))
-            };
-            let has = |cell: u32| {
-                let (i, k) = at(cell);
+        let at = |[x, y]: [u32; 2], cell: u32| {
+            let pixel = [x & !(cell - 1), y & !(cell - 1)];
+            ((pixel[1] / SIDE * across + pixel[0] / SIDE) as usize, Block::local(pixel))
+        };
+        let standing_for = |i: u32| {
+            let pixel = [i % width, i / width];
+            let has = |cell: &u32| {
+                let (i, k) = at(pixel, *cell);
                 blocks[i].n > 0 || blocks[i].begun >> k & 1 == 1
             };
-            if is_first { at((0..16).map(|k| 1 << k).find(|&cell| has(cell)).unwrap_or(1)) } else { at(1) }
+            (0..16u8).find(|k| has(&(1 << k))).unwrap_or(0)
         };
+        let n_pixels = self.film.n_pixels() as u32;
+        let cells: Vec<u8> = if self.cell > 0 { (0..n_pixels).into_par_iter().map(standing_for).collect() } else { Vec::new() };
+        let place = |pixel: [u32; 2]| at(pixel, 1 << cells.get((pixel[1] * width + pixel[0]) as usize).unwrap_or(&0));
         self.film.compose(
             |layer, c, pixel| {
                 let (i, k) = place(pixel);
@@ -372,8 +376,9 @@ impl<I: Integrator> Solver for ProgressiveRender<'_, I> {
         if !self.work(world) {
             self.decide();
         }
-        let is_due = (self.n_samples() - self.shown) as f64 >= REFRESH * self.shown as f64;
-        if self.is_done || self.cell > 0 || (self.is_even() && is_due) {
+        // Composing takes time for all pixels, however few samples are new.
+        let new = (self.n_samples() - self.shown) as f64 / self.shown as f64;
+        if self.is_done || (self.cell > 0 && new >= REFRESH_FIRST) || (self.is_even() && new >= REFRESH) {
             self.show();
         }
         if self.is_done { Step::Converged } else { Step::Working { done: self.done() } }
